@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use crate::cli::shared::many::Many;
 use crate::cli::shared::points::{self, Points, parse_format};
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
 use crate::cloud::PointFormat;
 use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
-use crate::jobs::translate::{self, KEPT, Thin, TranslateJob, TranslateReport};
+use crate::jobs::translate::{
+    self, BufferMark, KEPT, Squares, Thin, TranslateJob, TranslateReport,
+};
 
 /// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
 ///
@@ -35,7 +37,19 @@ pub(super) struct Args {
     /// Only one point of each square of this size, in units of x and y
     #[arg(long, value_name = "CELL[:WHICH]", long_help = thin_help())]
     thin: Option<Thin>,
-    /// Replace a file that exists
+    /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
+    #[arg(long, value_name = "SIDE", value_parser = parse::positive, help_heading = "Squares")]
+    tile: Option<f64>,
+    /// Points around each square up to so far away, too, marked by --buffer-mark
+    #[arg(long, value_name = "WIDTH", requires = "tile", value_parser = parse::positive, help_heading = "Squares")]
+    buffer: Option<f64>,
+    /// How points of buffers are marked: withheld or synthetic
+    #[arg(long, value_name = "MARK", requires = "buffer", default_value_t, value_parser = parse_mark, help_heading = "Squares")]
+    buffer_mark: BufferMark,
+    /// What the files of squares are: laz or las
+    #[arg(long, value_name = "NAME", requires = "tile", default_value = "laz", value_parser = ["laz", "las"], help_heading = "Squares")]
+    tile_format: String,
+    /// Replace what exists
     #[arg(long)]
     overwrite: bool,
     #[command(flatten)]
@@ -69,6 +83,18 @@ impl Verb for Args {
     }
 }
 
+fn parse_mark(text: &str) -> std::result::Result<BufferMark, String> {
+    text.parse()
+}
+
+impl Args {
+    /// The squares asked for, and whether their files are uncompressed.
+    fn squares(&self) -> Option<(Squares, bool)> {
+        let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);
+        self.tile.map(|side| (Squares { side, buffer, mark }, self.tile_format == "las"))
+    }
+}
+
 fn thin_help() -> String {
     let names: Vec<_> = KEPT.iter().map(|(name, about)| format!("{name:<8} {about}")).collect();
     format!(
@@ -91,6 +117,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         format: args.point_format,
         dedupe: args.dedupe,
         thin: args.thin,
+        squares: args.squares(),
         overwrite: args.overwrite,
         resources,
         ..TranslateJob::new(names, &args.output)
@@ -106,13 +133,21 @@ fn check_files(args: &Args, names: &[String]) -> Result<()> {
     let output: &[&Path] = &[&args.output];
     check::not_among(&crate::cloud::files(names)?, output)?;
     check::not_among(&args.points.files()?, output)?;
-    check::new_file(&args.output, args.overwrite)
+    match args.tile {
+        Some(_) => crate::atomic::refuse_stdout(&args.output),
+        None => check::new_file(&args.output, args.overwrite),
+    }
+}
+
+fn written(r: &TranslateReport) -> String {
+    let points = format!("{} of point format {}", text::count(r.points), r.point_format);
+    if r.files == 1 { points } else { format!("{points}, in {} files", text::count(r.files)) }
 }
 
 fn summary(r: &TranslateReport) -> String {
     let mut rows = vec![
         ("points", points::census(&r.census)),
-        ("written", format!("{} of point format {}", text::count(r.points), r.point_format)),
+        ("written", written(r)),
         ("system", r.crs.clone()),
         ("file", text::bytes(r.output_bytes)),
     ];

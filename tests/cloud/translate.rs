@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use laz::{LasZipDecompressor, LazVlr};
 use terrane_cloud::{Filter, OpenOptions, PointFormat, PointSource, Return};
-use terrane_jobs::translate::{self, TranslateJob, TranslateReport};
+use terrane_jobs::translate::{self, BufferMark, Squares, TranslateJob, TranslateReport};
 use terrane_jobs::{Cancel, Resources, Silent};
 
 use crate::cloud_support::{Made, Packing, Place, RECORD, keep_all, raw, read_all};
@@ -245,7 +245,7 @@ fn one_of_each_cell_is_kept_by_the_rule_and_order_stays() {
         let job = TranslateJob { thin: Some(thin.parse().unwrap()), ..job(&[&input], &output) };
         let report = run(&job).unwrap();
         assert!(whole(&output).records == expected, "{thin}");
-        assert_eq!(report.left_out, 20_000 - expected.len() as u64);
+        assert_eq!(report.points, expected.len() as u64);
     }
     let by_chance = |seed: u64, inputs: &[&str]| {
         let thin = Some(format!("0.4:random={seed}").parse().unwrap());
@@ -366,6 +366,57 @@ fn an_octree_holds_each_point_once_in_its_cube_and_more_than_one_node() {
     }
     let again = terrane_cloud::open(&[output.to_str().unwrap().to_owned()], &keep_all()).unwrap();
     assert_eq!((again.format(), read_all(&again).unwrap().1.kept), ("COPC", 300_000));
+}
+
+#[test]
+fn squares_hold_their_points_and_those_of_their_buffers_marked() {
+    let place = Place::new();
+    for format in [3, 6] {
+        let made = Made::new(format, Packing::Fixed(700), 6000);
+        let input = place.write("in.laz", &made.bytes());
+        let output = place.path().join("squares");
+        let squares = Squares { side: 50.0, buffer: 7.5, mark: BufferMark::Synthetic };
+        let job = TranslateJob { squares: Some((squares, format == 3)), ..job(&[&input], &output) };
+        let report = run(&job).unwrap();
+        // Steps of a hundredth, from an offset that is a multiple of the side.
+        let side = 5000;
+        let square = |record: &[u8]| [0, 1].map(|axis| raw(record)[axis].div_euclid(side));
+        let mut expected: BTreeMap<[i32; 2], Vec<Vec<u8>>> = BTreeMap::new();
+        let there: HashSet<_> = made.records.iter().map(|record| square(record)).collect();
+        let [low, high]: [fn(i32, i32) -> i32; 2] = [i32::min, i32::max];
+        let end = |pick: fn(i32, i32) -> i32, axis: usize| {
+            there.iter().map(|square| square[axis]).reduce(pick).unwrap()
+        };
+        for record in &made.records {
+            let own = square(record);
+            for x in (own[0] - 1).max(end(low, 0))..=(own[0] + 1).min(end(high, 0)) {
+                for y in (own[1] - 1).max(end(low, 1))..=(own[1] + 1).min(end(high, 1)) {
+                    let is_near = [x, y].iter().zip(raw(record)).all(|(at, steps)| {
+                        (at * side - 750..=(at + 1) * side + 750).contains(&steps)
+                    });
+                    let mut copy = record.clone();
+                    if [x, y] != own {
+                        copy[15] |= if format == 3 { 1 << 5 } else { 1 };
+                    }
+                    if is_near {
+                        expected.entry([x, y]).or_default().push(copy);
+                    }
+                }
+            }
+        }
+        assert!(expected.len() > 3 && expected.values().any(|all| all.len() > 100));
+        assert_eq!(report.files, expected.len() as u64);
+        assert_eq!(report.points, expected.values().map(|all| all.len() as u64).sum::<u64>());
+        for ([x, y], records) in expected {
+            let [x, y] = [1000 + x * 50, 2000 + y * 50];
+            let ending = if format == 3 { "las" } else { "laz" };
+            let found = whole(&output.join(format!("{x}_{y}.{ending}")));
+            assert!(found.records == records, "{x} {y}");
+        }
+        std::fs::write(output.join("notes.txt"), "mine").unwrap();
+        assert!(run(&job).unwrap_err().to_string().contains("not made by terrane"));
+        std::fs::remove_dir_all(&output).unwrap();
+    }
 }
 
 #[test]

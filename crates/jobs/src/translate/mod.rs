@@ -9,6 +9,7 @@
 
 mod carried;
 mod octree;
+mod squares;
 mod thin;
 
 use std::path::{Path, PathBuf};
@@ -24,9 +25,11 @@ use crate::records::choice::{Choice, Chosen};
 use crate::records::{Flow, Packer, Records};
 use crate::{Cancel, Progress, Resources};
 use carried::CarriedRecords;
+pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
-use terrane_cloud::{Carrier, Census, OpenOptions, PointFormat, PointSource};
+use terrane_cloud::{Carrier, Census, CloudInfo, OpenOptions, PointFormat, PointSource};
+use terrane_files::atomic::{AtomicFolder, refuse_existing};
 use terrane_files::folder_for;
 pub use thin::{KEPT, Keep, Thin};
 
@@ -37,7 +40,7 @@ pub struct TranslateJob {
     pub input: Vec<String>,
     /// How they are read, and which points.
     pub cloud: OpenOptions,
-    /// LAS or LAZ file to write.
+    /// LAS, LAZ or COPC file to write, or a folder of the first two.
     pub output: PathBuf,
     /// Format of its points; the first that holds all fields of all files when `None`.
     pub format: Option<PointFormat>,
@@ -45,6 +48,8 @@ pub struct TranslateJob {
     pub dedupe: bool,
     /// Keep one point of each cell.
     pub thin: Option<Thin>,
+    /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
+    pub squares: Option<(Squares, bool)>,
     /// Replace an existing output.
     pub overwrite: bool,
     /// What the job may use.
@@ -61,6 +66,7 @@ impl TranslateJob {
             format: None,
             dedupe: false,
             thin: None,
+            squares: None,
             overwrite: false,
             resources: Resources::default(),
         }
@@ -76,9 +82,9 @@ pub struct TranslateReport {
     pub point_format: u8,
     /// What became of the points that were read.
     pub census: Census,
-    /// Points left out by --dedupe and --thin.
-    pub left_out: u64,
-    /// Points written.
+    /// Files written.
+    pub files: u64,
+    /// Points written; those of buffers are so in several files.
     pub points: u64,
     pub crs: String,
     pub output_bytes: u64,
@@ -128,7 +134,7 @@ impl Shares {
 /// Writes the points. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
-/// An output that exists, cannot be created, or is neither .las nor .laz; files that do not go into one; what the
+/// An output that exists, cannot be created, or is of no known ending; files that do not go into one; what the
 /// format cannot hold of a point; too little memory.
 pub fn run(
     job: &TranslateJob,
@@ -136,42 +142,29 @@ pub fn run(
     cancel: &Cancel,
 ) -> Result<TranslateReport> {
     let (start, at) = (Instant::now(), At { progress, cancel });
-    let packing = packing(&job.output)?;
+    refuse_existing(&job.output, job.overwrite)?;
+    let packing = job.packing()?;
     let cloud = terrane_cloud::open(&job.input, &job.cloud)?;
     let carrier = Carrier::new(&cloud, job.format, packing)?;
-    let (frame, crs) = (cloud.info().frame, cloud.info().crs.clone());
     let shares = Shares::new(&job.resources, carrier.size())?;
-    let options = WriteOptions { packing, overwrite: job.overwrite, ..carrier.file(frame, crs) };
-    let place = (packing == Packing::Nodes).then(|| octree::Place::new(cloud.info()));
-    let options = WriteOptions { cube: place.as_ref().map(octree::Place::cube), ..options };
-    let mut writer = CloudWriter::create(&job.output, &options)?;
-    let resources = Resources { threads: shares.threads, ..job.resources.clone() };
+    let (info, threads) = (cloud.info(), shares.threads);
+    let file = carrier.file(info.frame, info.crs.clone());
+    let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
     let source = CarriedRecords::new(&cloud, &carrier);
-    let write = |records: &dyn Records| match &place {
-        None => write(records, shares.flow, at, &mut writer),
-        Some(place) => {
-            let (layout, folder) = (writer.layout(), job.folder());
-            octree::Octree { place, layout, folder, memory: shares.columns(), at }.write(
-                records,
-                shares.flow,
-                &mut writer,
-            )
-        }
-    };
-    workers(&resources)?.install(|| job.chosen(&source, &carrier, &shares, at, write))?;
-    let points = writer.points();
-    let output_bytes = writer.finish()?;
-    let run = Figures { threads: shares.threads, ..Figures::since(start, &job.resources) };
+    let work = Work { job, info, options, shares, at };
+    let resources = Resources { threads, ..job.resources.clone() };
+    let made = workers(&resources)?.install(|| work.run(&source))?;
+    let run = Figures { threads, ..Figures::since(start, &job.resources) };
     let census = source.census();
     Ok(TranslateReport {
         input: job.input.join(", "),
         output: job.output.display().to_string(),
         point_format: carrier.format().number(),
-        left_out: census.kept - points,
         census,
-        points,
-        crs: cloud.info().crs.label(),
-        output_bytes,
+        files: made.files,
+        points: made.points,
+        crs: info.crs.label(),
+        output_bytes: made.bytes,
         points_per_second: run.rate(census.read),
         run,
         notes: cloud.notes().iter().chain(carrier.notes()).cloned().collect(),
@@ -179,51 +172,111 @@ pub fn run(
 }
 
 impl TranslateJob {
-    /// Where what has to wait goes.
-    fn folder(&self) -> &Path {
-        folder_for(&self.output, self.resources.temp_dir.as_deref())
+    /// How its files are packed.
+    fn packing(&self) -> Result<Packing> {
+        match &self.squares {
+            Some((_, plain)) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
+            None => packing(&self.output),
+        }
+    }
+}
+
+/// What was made.
+#[derive(Default)]
+struct Made {
+    files: u64,
+    points: u64,
+    bytes: u64,
+}
+
+/// A job whose input is open.
+struct Work<'a> {
+    job: &'a TranslateJob,
+    info: &'a CloudInfo,
+    options: WriteOptions,
+    shares: Shares,
+    at: At<'a>,
+}
+
+impl Work<'_> {
+    /// Writes what is chosen of all records.
+    fn run(&self, source: &dyn Records) -> Result<Made> {
+        let twice = thin::Twice::new(self.options.format);
+        let single = self.job.dedupe.then(|| self.choose(source, &twice, "points there twice"));
+        let single = single.transpose()?;
+        let records: &dyn Records = single.as_ref().map_or(source, |chosen| chosen);
+        let cells =
+            self.job.thin.map(|thin| thin::Cells::new(thin, &self.info.frame)).transpose()?;
+        let thinned =
+            cells.as_ref().map(|cells| self.choose(records, cells, "cells")).transpose()?;
+        self.write(thinned.as_ref().map_or(records, |chosen| chosen))
     }
 
-    /// Writes what is chosen of all records.
-    fn chosen(
+    fn choose<'r>(
         &self,
-        source: &dyn Records,
-        carrier: &Carrier<'_>,
-        shares: &Shares,
-        at: At<'_>,
-        write: impl FnOnce(&dyn Records) -> Result<()>,
-    ) -> Result<()> {
-        let folder = self.folder();
-        let choose = |records, choice: &dyn Choice, stage: &str| {
-            at.progress.begin(stage, total(records));
-            let chosen = Chosen::new(records, choice, (shares.flow, shares.marks, folder), at)?;
-            at.progress.end();
-            Ok::<_, Error>(chosen)
-        };
-        let twice = thin::Twice::new(carrier.format());
-        let single = self
-            .dedupe
-            .then(|| choose(source, &twice, "points that are there twice"))
-            .transpose()?;
-        let records: &dyn Records = single.as_ref().map_or(source, |chosen| chosen);
-        let cells = self.thin.map(|thin| thin::Cells::new(thin, &carrier.frame())).transpose()?;
-        let thinned = cells.as_ref().map(|cells| choose(records, cells, "cells")).transpose()?;
-        let records: &dyn Records = thinned.as_ref().map_or(records, |chosen| chosen);
-        write(records)
+        records: &'r dyn Records,
+        choice: &dyn Choice,
+        stage: &str,
+    ) -> Result<Chosen<'r>> {
+        self.at.progress.begin(stage, total(records));
+        let held = (self.shares.flow, self.shares.marks, self.folder());
+        let chosen = Chosen::new(records, choice, held, self.at)?;
+        self.at.progress.end();
+        Ok(chosen)
     }
+
+    /// Where what has to wait goes.
+    fn folder(&self) -> &Path {
+        folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
+    }
+
+    fn write(&self, records: &dyn Records) -> Result<Made> {
+        match (&self.job.squares, self.options.packing) {
+            (Some((squares, _)), _) => self.divide(*squares, records),
+            (None, Packing::Nodes) => self.octree(records),
+            (None, _) => self.file(records),
+        }
+    }
+
+    fn file(&self, records: &dyn Records) -> Result<Made> {
+        let mut writer = CloudWriter::create(&self.job.output, &self.options)?;
+        self.at.progress.begin("points", total(records));
+        let mut packer = Packer::new(&mut writer, self.shares.threads);
+        self.shares.flow.run(records, self.at, &mut |bytes| packer.take(bytes))?;
+        packer.finish()?;
+        self.at.progress.end();
+        finish(writer)
+    }
+
+    fn octree(&self, records: &dyn Records) -> Result<Made> {
+        let place = &octree::Place::new(self.info);
+        let options = WriteOptions { cube: Some(place.cube()), ..self.options.clone() };
+        let mut writer = CloudWriter::create(&self.job.output, &options)?;
+        let (layout, folder) = (writer.layout(), self.folder());
+        let octree =
+            octree::Octree { place, layout, folder, memory: self.shares.columns(), at: self.at };
+        octree.write(records, self.shares.flow, &mut writer)?;
+        finish(writer)
+    }
+
+    fn divide(&self, squares: Squares, records: &dyn Records) -> Result<Made> {
+        let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, squares::is_ours)?;
+        let waiting = (self.folder(), self.shares.marks / 2);
+        let division = squares::Division::new(squares, self.info, waiting, &self.options)?;
+        let flow = (self.shares.flow, self.shares.threads);
+        let made = division.write(records, flow, folder.inside(), self.at)?;
+        folder.commit()?;
+        Ok(made)
+    }
+}
+
+fn finish(writer: CloudWriter) -> Result<Made> {
+    let points = writer.points();
+    Ok(Made { files: 1, points, bytes: writer.finish()? })
 }
 
 fn total(records: &dyn Records) -> u64 {
     (0..records.units()).map(|unit| records.points(unit)).sum()
-}
-
-fn write(records: &dyn Records, flow: Flow, at: At<'_>, writer: &mut CloudWriter) -> Result<()> {
-    at.progress.begin("points", total(records));
-    let mut packer = Packer::new(writer, rayon::current_num_threads());
-    flow.run(records, at, &mut |bytes| packer.take(bytes))?;
-    packer.finish()?;
-    at.progress.end();
-    Ok(())
 }
 
 fn packing(path: &Path) -> Result<Packing> {
