@@ -41,6 +41,17 @@ const BUCKET_BYTES: u64 = 4 << 20;
 const GROUP_BYTES: u64 = 2 * size_of::<(Group, (Rank, u64))>() as u64;
 const MOST_BUCKETS: u64 = 1 << 14;
 
+/// Buckets for the marks of so many points.
+fn buckets(points: u64) -> u64 {
+    (points * size_of::<Mark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS)
+}
+
+/// Bytes of memory that choosing from so many points needs: a bit for each, and the groups of a bucket with a
+/// quarter more, as some have more than others.
+pub(crate) fn needed(points: u64) -> u64 {
+    points / 8 + points / buckets(points) * GROUP_BYTES * 5 / 4 + BUCKET_BYTES
+}
+
 /// Records without those that were not chosen.
 pub(crate) struct Chosen<'a> {
     records: &'a dyn Records,
@@ -58,12 +69,9 @@ impl<'a> Chosen<'a> {
         (flow, memory, folder): (Flow, u64, &std::path::Path),
         at: At<'_>,
     ) -> Result<Self> {
-        let most: u64 = (0..records.units()).map(|unit| records.points(unit)).sum();
-        let bits = most / 8;
-        let marks =
-            memory.checked_sub(bits + BUCKET_BYTES).ok_or_else(|| too_many(most, memory))?;
-        let count = (most * size_of::<Mark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS);
-        let buckets = Buckets::new(folder, count as usize, marks / 2);
+        let points: u64 = (0..records.units()).map(|unit| records.points(unit)).sum();
+        let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
+        let buckets = Buckets::new(folder, count as usize, left / 4);
         let counts = Mutex::new(vec![0; records.units()]);
         let counted = Counted { records, record: flow.record, counts: &counts };
         let mut number = 0;
@@ -76,7 +84,7 @@ impl<'a> Chosen<'a> {
             }
             Ok(())
         })?;
-        let kept = best(&buckets, count as usize, (number, marks / 2), at)?;
+        let kept = best(&buckets, count as usize, (number, left), at)?;
         let counts = counts.into_inner().unwrap_or_default();
         let firsts = counts.iter().scan(0, |sum, count| {
             let first = *sum;
@@ -155,7 +163,7 @@ fn best(
                 *one = (*one).min((*rank, *number));
             }
             match best.len() as u64 * GROUP_BYTES > memory {
-                true => Err(too_many(numbers, memory)),
+                true => Err(too_many(best.len(), memory)),
                 false => Ok(()),
             }
         })?;
@@ -167,12 +175,9 @@ fn best(
     Ok(kept)
 }
 
-fn too_many(points: u64, memory: u64) -> Error {
-    let message = format!("{points} points cannot be compared in {} MiB", memory >> 20);
-    let needed =
-        (points / 8 + points * GROUP_BYTES / MOST_BUCKETS + memory + 3 * BUCKET_BYTES) >> 20;
-    Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass --memory {}M or more", needed + 64))
+fn too_many(groups: usize, memory: u64) -> Error {
+    let message = format!("{groups} cells or places are to be compared in {} MiB", memory >> 20);
+    Error::new(ErrorKind::Resource, message).remedy("pass a larger --memory")
 }
 
 /// Bits of a group that look like any (splitmix64, Steele et al. 2014).

@@ -21,7 +21,7 @@ use crate::figures::Figures;
 use crate::input::workers;
 use crate::memory::PROGRAM;
 use crate::plan::At;
-use crate::records::choice::{Choice, Chosen};
+use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Flow, Packer, Records};
 use crate::{Cancel, Progress, Resources};
 use carried::CarriedRecords;
@@ -101,6 +101,9 @@ const PACKING: u64 = 4;
 /// Most bytes of the records of a round, for each thread.
 const ROUND: u64 = 16 << 20;
 
+/// Least memory for records that are put into columns or squares.
+const SPREAD: u64 = 32 << 20;
+
 /// How the memory is divided.
 struct Shares {
     threads: usize,
@@ -110,10 +113,11 @@ struct Shares {
 }
 
 impl Shares {
-    fn new(resources: &Resources, record: usize) -> Result<Self> {
+    /// For records of so many bytes, beside so many that what is looked at before needs.
+    fn new(resources: &Resources, record: usize, needed: u64) -> Result<Self> {
         let chunk = (CHUNK * record) as u64;
         let worker = READING + PACKING * chunk;
-        let least = PROGRAM + worker + 4 * chunk;
+        let least = PROGRAM + worker + 4 * chunk + needed;
         let Some(rest) = resources.memory.checked_sub(least) else {
             let message = format!("the memory budget of {} bytes is too small", resources.memory);
             return Err(Error::new(ErrorKind::Resource, message)
@@ -122,7 +126,7 @@ impl Shares {
         let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
         let rest = rest - worker * (threads as u64 - 1);
         let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
-        Ok(Self { threads, flow: Flow { record, round }, marks: rest / 2 })
+        Ok(Self { threads, flow: Flow { record, round }, marks: needed + rest / 2 })
     }
 
     /// For the columns of an octree: bytes of one that is held, and of all that wait.
@@ -146,7 +150,8 @@ pub fn run(
     let packing = job.packing()?;
     let cloud = terrane_cloud::open(&job.input, &job.cloud)?;
     let carrier = Carrier::new(&cloud, job.format, packing)?;
-    let shares = Shares::new(&job.resources, carrier.size())?;
+    let needed = job.needed(packing, cloud.info().count);
+    let shares = Shares::new(&job.resources, carrier.size(), needed)?;
     let (info, threads) = (cloud.info(), shares.threads);
     let file = carrier.file(info.frame, info.crs.clone());
     let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
@@ -172,6 +177,13 @@ pub fn run(
 }
 
 impl TranslateJob {
+    /// Bytes of memory that it needs beside records on their way, for so many points.
+    fn needed(&self, packing: Packing, points: u64) -> u64 {
+        let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
+        let is_spread = packing == Packing::Nodes || self.squares.is_some();
+        choices * needed(points) + if is_spread { SPREAD } else { 0 }
+    }
+
     /// How its files are packed.
     fn packing(&self) -> Result<Packing> {
         match &self.squares {
