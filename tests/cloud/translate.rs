@@ -5,7 +5,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use laz::{LasZipDecompressor, LazVlr};
-use terrane_cloud::{Filter, OpenOptions, PointFormat, PointSource, Return};
+use terrane_cloud::{Filter, OpenOptions, PointFormat, Return};
 use terrane_jobs::translate::{self, BufferMark, Squares, TranslateJob, TranslateReport};
 use terrane_jobs::{Cancel, Resources, Silent};
 
@@ -216,6 +216,9 @@ fn crowd(count: usize) -> Made {
     made
 }
 
+/// How good a record is: the least is best.
+type Rank = fn(&[u8]) -> i64;
+
 #[test]
 fn one_of_each_cell_is_kept_by_the_rule_and_order_stays() {
     let place = Place::new();
@@ -224,7 +227,7 @@ fn one_of_each_cell_is_kept_by_the_rule_and_order_stays() {
     let output = place.path().join("out.las");
     // Cells of 40 steps of a hundredth, whose corners are at multiples; the offset is one of them.
     let cell = |record: &[u8]| [raw(record)[0].div_euclid(40), raw(record)[1].div_euclid(40)];
-    let ranks: [(&str, fn(&[u8]) -> i64); 3] = [
+    let ranks: [(&str, Rank); 3] = [
         ("0.4:lowest", |record| raw(record)[2].into()),
         ("0.4:highest", |record| -i64::from(raw(record)[2])),
         ("0.4", |record| {
@@ -299,8 +302,11 @@ fn field(count: usize) -> Made {
     made
 }
 
-/// The nodes of an octree: level and place, first byte, bytes, points; with the cube's lowest corner and side.
-fn nodes(path: &Path) -> (Vec<([i32; 4], [u64; 3])>, [f64; 4]) {
+/// A node of an octree: level and place; first byte, bytes, points.
+type Node = ([i32; 4], [u64; 3]);
+
+/// The nodes of an octree; with the cube's lowest corner and side.
+fn nodes(path: &Path) -> (Vec<Node>, [f64; 4]) {
     let found = whole(path).vlrs;
     let data = |id: u16| {
         &found.iter().find(|(user, number, _)| user == "copc" && *number == id).unwrap().2

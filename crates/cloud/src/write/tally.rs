@@ -36,8 +36,8 @@ impl Tally {
         let mask = if is_new { 15 } else { 7 };
         for record in records.chunks_exact(size) {
             let (fours, _) = record.as_chunks::<4>();
-            for axis in 0..3 {
-                let step = i32::from_le_bytes(fours[axis]);
+            for (axis, four) in fours.iter().take(3).enumerate() {
+                let step = i32::from_le_bytes(*four);
                 tally.low[axis] = tally.low[axis].min(step);
                 tally.high[axis] = tally.high[axis].max(step);
             }

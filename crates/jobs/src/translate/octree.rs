@@ -269,7 +269,7 @@ impl Octree<'_> {
     fn best(&self, level: u32, all: &[(usize, &[u8])]) -> HashMap<u32, (u64, usize)> {
         let mut best: HashMap<u32, (u64, usize)> = HashMap::new();
         for (number, (_, record)) in all.iter().enumerate() {
-            let one = (self.from_middle(level, record), number);
+            let one = (self.apart(level, record), number);
             let known = best.entry(self.cell(level, record)).or_insert(one);
             let is_nearer = (one.0, record).lt(&(known.0, &all[known.1].1));
             if is_nearer {
@@ -287,10 +287,10 @@ impl Octree<'_> {
     }
 
     /// The square of its distance from the middle of that cell.
-    fn from_middle(&self, level: u32, record: &[u8]) -> u64 {
+    fn apart(&self, level: u32, record: &[u8]) -> u64 {
         let side = 1_i64 << (FINE - level - CELLS);
-        let apart = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;
-        self.place.fine(record).map(|fine| apart(fine).pow(2) as u64).iter().sum()
+        let along = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;
+        self.place.fine(record).map(|fine| along(fine).pow(2) as u64).iter().sum()
     }
 
     fn put(&self, done: Vec<Done>, writer: &mut CloudWriter) -> Result<()> {
