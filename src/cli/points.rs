@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::shared::many::Many;
 use crate::cli::shared::points::{self, Points, parse_format};
+use crate::cli::shared::system::{self, System};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
 use crate::cloud::PointFormat;
@@ -54,6 +55,8 @@ pub(super) struct Args {
     overwrite: bool,
     #[command(flatten)]
     points: Points,
+    #[command(flatten)]
+    system: System,
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
@@ -117,6 +120,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         format: args.point_format,
         dedupe: args.dedupe,
         thin: args.thin,
+        transform: args.system.transform()?,
         squares: args.squares(),
         overwrite: args.overwrite,
         resources,
@@ -133,6 +137,7 @@ fn check_files(args: &Args, names: &[String]) -> Result<()> {
     let output: &[&Path] = &[&args.output];
     check::not_among(&crate::cloud::files(names)?, output)?;
     check::not_among(&args.points.files()?, output)?;
+    check::not_among(&args.system.files()?, output)?;
     match args.tile {
         Some(_) => crate::atomic::refuse_stdout(&args.output),
         None => check::new_file(&args.output, args.overwrite),
@@ -149,8 +154,9 @@ fn summary(r: &TranslateReport) -> String {
         ("points", points::census(&r.census)),
         ("written", written(r)),
         ("system", r.crs.clone()),
-        ("file", text::bytes(r.output_bytes)),
+        ("size", text::bytes(r.output_bytes)),
     ];
+    rows.extend(system::rows(r.transformed.as_ref()).filter(|(name, _)| *name == "operation"));
     let rate = text::rate(r.points_per_second, "points");
     rows.extend(report::took(&r.run, Some(rate), ""));
     rows.extend(report::notes(&r.notes));

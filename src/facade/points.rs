@@ -6,6 +6,7 @@ use super::cloud::Cloud;
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::Result;
 use terrane_cloud::PointFormat;
+use terrane_jobs::transform::Transform;
 use terrane_jobs::translate::{self, Squares, Thin, TranslateJob, TranslateReport};
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
@@ -28,6 +29,7 @@ pub struct PointsBuilder<'a> {
     format: Option<PointFormat>,
     dedupe: bool,
     thin: Option<Thin>,
+    transform: Option<Transform>,
     run: Run,
 }
 
@@ -36,7 +38,14 @@ overwrite_setting!([] PointsBuilder<'_>);
 
 impl<'a> PointsBuilder<'a> {
     pub(super) fn of(cloud: &'a Cloud) -> Self {
-        Self { cloud, format: None, dedupe: false, thin: None, run: Run::default() }
+        Self {
+            cloud,
+            format: None,
+            dedupe: false,
+            thin: None,
+            transform: None,
+            run: Run::default(),
+        }
     }
 
     /// The format of the points; the first that has all fields of all files unless told otherwise.
@@ -54,6 +63,12 @@ impl<'a> PointsBuilder<'a> {
     /// Only one point of each cell.
     pub fn thin(mut self, thin: Thin) -> Self {
         self.thin = Some(thin);
+        self
+    }
+
+    /// Write them in another reference system; all that is decided is decided before, in that of the cloud.
+    pub fn transform(mut self, transform: Transform) -> Self {
+        self.transform = Some(transform);
         self
     }
 
@@ -86,6 +101,7 @@ impl<'a> PointsBuilder<'a> {
             format: self.format,
             dedupe: self.dedupe,
             thin: self.thin,
+            transform: self.transform.clone(),
             overwrite: self.run.overwrite,
             resources: self.run.resources()?,
             ..TranslateJob::new(self.cloud.inputs.clone(), output)

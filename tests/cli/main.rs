@@ -27,6 +27,7 @@ mod parts;
 mod pipes;
 mod plan_grid;
 mod plan_matrix;
+mod points;
 mod print;
 mod relief;
 mod resume;

@@ -5,7 +5,12 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use laz::{LasZipDecompressor, LazVlr};
+use terrane_base::geom::wkt;
+use terrane_cloud::synth;
 use terrane_cloud::{Filter, OpenOptions, PointFormat, Return};
+use terrane_crs::Operation;
+use terrane_jobs::survey;
+use terrane_jobs::transform::Transform;
 use terrane_jobs::translate::{self, BufferMark, Squares, TranslateJob, TranslateReport};
 use terrane_jobs::{Cancel, Resources, Silent};
 
@@ -423,6 +428,47 @@ fn squares_hold_their_points_and_those_of_their_buffers_marked() {
         std::fs::write(output.join("notes.txt"), "mine").unwrap();
         assert!(run(&job).unwrap_err().to_string().contains("not made by terrane"));
         std::fs::remove_dir_all(&output).unwrap();
+    }
+}
+
+#[test]
+fn places_in_another_system_are_those_of_the_operation_and_the_rest_stays() {
+    let place = Place::new();
+    let input = place.path().join("in.laz");
+    let survey = survey::SurveyJob {
+        survey: synth::survey("cloud,size=60,density=6,seed=5").unwrap(),
+        output: input.clone(),
+        format: PointFormat::default(),
+        overwrite: false,
+        resources: Resources::default(),
+    };
+    survey::run(&survey, &Silent, &Cancel::default()).unwrap();
+    let (input, from) = (input.to_str().unwrap(), synth::crs());
+    for (target, step) in [("EPSG:32632", 0.001), ("EPSG:4326", 1e-9), ("EPSG:3035", 0.001)] {
+        let output = place.path().join("out.laz");
+        let transform = Some(Transform::to(target));
+        let thin = Some("2:lowest".parse().unwrap());
+        let report = run(&TranslateJob { transform, thin, ..job(&[input], &output) }).unwrap();
+        let plain = place.path().join("plain.laz");
+        run(&TranslateJob { thin, ..job(&[input], &plain) }).unwrap();
+        let to = wkt::of_srs(target);
+        let operation = Operation::between(&from, &to, &terrane_crs::Options::default()).unwrap();
+        let [before, after] = [&plain, &output].map(|path| {
+            terrane_cloud::open(&[path.to_str().unwrap().to_owned()], &keep_all()).unwrap()
+        });
+        let [frame, moved] = [before.info().frame, after.info().frame];
+        assert_eq!(moved.scale, [step, step, frame.scale[2]], "{target}");
+        assert!(after.info().crs.agrees(&to) && report.transformed.is_some());
+        let [(before, _), (after, _)] = [read_all(&before).unwrap(), read_all(&after).unwrap()];
+        assert!(before.len() > 500 && before.len() == after.len());
+        for (from, to) in before.iter().zip(&after) {
+            let expected = operation.point(*from).unwrap();
+            for (axis, size) in moved.scale.into_iter().enumerate() {
+                assert!((to[axis] - expected[axis]).abs() <= 0.51 * size, "{to:?} {expected:?}");
+            }
+        }
+        let [plain, output] = [whole(&plain).records, whole(&output).records];
+        assert!(plain.iter().zip(&output).all(|(a, b)| a[12..] == b[12..]));
     }
 }
 

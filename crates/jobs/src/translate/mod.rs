@@ -8,6 +8,7 @@
 //! threads nor memory. What needs to know of other points looks at all first (`choice`).
 
 mod carried;
+mod moved;
 mod octree;
 mod squares;
 mod thin;
@@ -23,14 +24,16 @@ use crate::memory::PROGRAM;
 use crate::plan::At;
 use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Flow, Packer, Records};
+use crate::transform::{Transform, Transformed};
 use crate::{Cancel, Progress, Resources};
 use carried::CarriedRecords;
+use moved::{Move, MovedRecords};
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
 use terrane_cloud::{Carrier, Census, CloudInfo, OpenOptions, PointFormat, PointSource};
 use terrane_files::atomic::{AtomicFolder, refuse_existing};
-use terrane_files::folder_for;
+use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};
 
 /// Clouds to be written as one.
@@ -48,6 +51,8 @@ pub struct TranslateJob {
     pub dedupe: bool,
     /// Keep one point of each cell.
     pub thin: Option<Thin>,
+    /// The system that they are to be in.
+    pub transform: Option<Transform>,
     /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
     pub squares: Option<(Squares, bool)>,
     /// Replace an existing output.
@@ -66,6 +71,7 @@ impl TranslateJob {
             format: None,
             dedupe: false,
             thin: None,
+            transform: None,
             squares: None,
             overwrite: false,
             resources: Resources::default(),
@@ -87,6 +93,9 @@ pub struct TranslateReport {
     /// Points written; those of buffers are so in several files.
     pub points: u64,
     pub crs: String,
+    /// What was done to places.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
     pub output_bytes: u64,
     #[serde(flatten)]
     pub run: Figures,
@@ -152,11 +161,13 @@ pub fn run(
     let carrier = Carrier::new(&cloud, job.format, packing)?;
     let needed = job.needed(packing, cloud.info().count);
     let shares = Shares::new(&job.resources, carrier.size(), needed)?;
-    let (info, threads) = (cloud.info(), shares.threads);
+    let threads = shares.threads;
+    let moved = job.moved(cloud.info())?;
+    let info = moved.as_ref().map_or(cloud.info(), |moved| &moved.info);
     let file = carrier.file(info.frame, info.crs.clone());
     let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
     let source = CarriedRecords::new(&cloud, &carrier);
-    let work = Work { job, info, options, shares, at };
+    let work = Work { job, cells: cloud.info(), info, moved: moved.as_ref(), options, shares, at };
     let resources = Resources { threads, ..job.resources.clone() };
     let made = workers(&resources)?.install(|| work.run(&source))?;
     let run = Figures { threads, ..Figures::since(start, &job.resources) };
@@ -172,7 +183,14 @@ pub fn run(
         output_bytes: made.bytes,
         points_per_second: run.rate(census.read),
         run,
-        notes: cloud.notes().iter().chain(carrier.notes()).cloned().collect(),
+        transformed: moved.as_ref().map(|moved| Transformed::of(&moved.operation)),
+        notes: cloud
+            .notes()
+            .iter()
+            .chain(carrier.notes())
+            .chain(moved.iter().flat_map(|moved| &moved.notes))
+            .cloned()
+            .collect(),
     })
 }
 
@@ -182,6 +200,16 @@ impl TranslateJob {
         let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
         let is_spread = packing == Packing::Nodes || self.squares.is_some();
         choices * needed(points) + if is_spread { SPREAD } else { 0 }
+    }
+
+    /// Where points lie in the system asked for.
+    fn moved(&self, info: &CloudInfo) -> Result<Option<Move>> {
+        let Some(transform) = &self.transform else { return Ok(None) };
+        let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
+        let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
+        let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
+        let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
+        Move::new(info, operation).map(Some)
     }
 
     /// How its files are packed.
@@ -204,7 +232,11 @@ struct Made {
 /// A job whose input is open.
 struct Work<'a> {
     job: &'a TranslateJob,
+    /// What is read, whose cells are chosen from.
+    cells: &'a CloudInfo,
+    /// What is written.
     info: &'a CloudInfo,
+    moved: Option<&'a Move>,
     options: WriteOptions,
     shares: Shares,
     at: At<'a>,
@@ -218,10 +250,13 @@ impl Work<'_> {
         let single = single.transpose()?;
         let records: &dyn Records = single.as_ref().map_or(source, |chosen| chosen);
         let cells =
-            self.job.thin.map(|thin| thin::Cells::new(thin, &self.info.frame)).transpose()?;
+            self.job.thin.map(|thin| thin::Cells::new(thin, &self.cells.frame)).transpose()?;
         let thinned =
             cells.as_ref().map(|cells| self.choose(records, cells, "cells")).transpose()?;
-        self.write(thinned.as_ref().map_or(records, |chosen| chosen))
+        let records = thinned.as_ref().map_or(records, |chosen| chosen);
+        let record = self.shares.flow.record;
+        let moved = self.moved.map(|to| MovedRecords { records, to, record });
+        self.write(moved.as_ref().map_or(records, |moved| moved))
     }
 
     fn choose<'r>(
