@@ -394,7 +394,7 @@ function frame(now) {
 
 /** For scripts: what is shown, the terrain at a place and under a pixel, what is loaded, and the picture. */
 window.terrane = {
-  facts, shown, at, under, toView, geodesic, figures, places: () => places, profile: () => profile, stream: () => stream, camera: () => camera,
+  facts, shown, at, under, toView, geodesic, figures, section: (from, to) => terrain.section(from, to).pieces, places: () => places, profile: () => profile, stream: () => stream, camera: () => camera,
   isIdle: () => !dirty && isIdle(),
   drawn: () => covering().map(({ tile, quarters, pixels }) => ({ level: tile.level, x: tile.x, y: tile.y, quarters, pixels, error: tile.error })),
   look: (lon, lat, distance, height = 0) => { touched = true; camera.look(lon, lat, distance, height * shown.exaggeration); dirty = true; },
