@@ -378,11 +378,12 @@ def test_what_is_measured_is_told(either, opened):
     assert number(told()["Length on the ellipsoid"]) > number(first["Length on the ellipsoid"])
     page.page.keyboard.press("Backspace")
     assert told() == first
-    drawn = "() => { const c = document.getElementById('over'); const p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; return p.some((v) => v > 0); }"
-    assert page(drawn), "the line is seen"
+    drawn = """() => { const c = document.getElementById('over'); const blank = document.createElement('canvas');
+        blank.width = c.width; blank.height = c.height; return c.toDataURL() !== blank.toDataURL(); }"""
+    page.wait(lambda: page(drawn))  # the line is seen
     page.page.keyboard.press("Escape")
-    page.page.wait_for_timeout(100)
-    assert page("() => terrane.places().length") == 0 and not page(drawn)
+    assert page("() => terrane.places().length") == 0
+    page.wait(lambda: not page(drawn))
 
 
 def test_sections_are_of_the_tiles_that_are_shown(either, opened, grid):
@@ -435,30 +436,42 @@ def test_sections_are_of_the_tiles_that_are_shown(either, opened, grid):
     assert not page.page.is_visible("#sheet")
 
 
-def test_sections_end_where_data_end_and_cross_180_degrees(place, opened):
-    heights = 500 + np.random.default_rng(9).random((33, 65)) * 90
-    with open(place / "date.asc", "w") as out:
-        out.write(f"ncols 65\nnrows 33\nxllcenter {180 - 32 * 0.01}\nyllcenter -17\ncellsize 0.01\n")
-        np.savetxt(out, heights, "%.3f")
-    (place / "date.prj").write_text("EPSG:4326")
-    terrane("tiles", place / "date.asc", place / "date")
-    server = Served(place / "date")
-    page = show(opened, server)
-    page("() => { terrane.look(180, -16.84, 60000, 500); }")
-    slide(page, 1)
-    ends = [[179.8, -16.9], [-179.8, -16.8]]
-    pieces = page("([a, b]) => terrane.section([...a, 500], [...b, 500])", ends)
-    shares = [share for piece in pieces for share, _ in piece]
-    assert min(shares) < 1e-6 and max(shares) > 1 - 1e-6
-    assert all(480 < place[2] < 610 for piece in pieces for _, place in piece)
-    assert {np.sign(place[0]) for piece in pieces for _, place in piece} == {1, -1}
-    # From outside the data into them.
-    pieces = page("([a, b]) => terrane.section([...a, 500], [...b, 500])", [[179.9, -17.5], [179.9, -16.9]])
-    shares = [share for piece in pieces for share, _ in piece]
-    assert abs(min(shares) - 5 / 6) < 0.01 and max(shares) > 1 - 1e-6
+SECTION = "([from, to]) => terrane.section(from, to)"
+
+
+def shares_of(pieces):
+    return [share for piece in pieces for share, _ in piece]
+
+
+def test_sections_end_where_data_end(either, opened):
+    page = show(opened, either)
+    inside, outside = [WEST + 0.03, SOUTH + 0.03, 500], [WEST - 0.03, SOUTH + 0.03, 500]
+    assert abs(min(shares_of(page(SECTION, [outside, inside]))) - 0.5) < 1e-3
+    assert abs(max(shares_of(page(SECTION, [inside, outside]))) - 0.5) < 1e-3
+    assert page(SECTION, [outside, [WEST - 0.03, SOUTH + 0.05, 500]]) == []
     # No line, or none that is the only one.
-    for same in [[180, -16.84], [0, 16.84]]:
-        assert page("([a, b]) => terrane.section([...a, 500], [...b, 500])", [[180, -16.84], same]) == []
+    assert page(SECTION, [inside, inside]) == []
+    assert page(SECTION, [inside, [inside[0] - 180, -inside[1], 500]]) == []
+
+
+def test_sections_cross_180_degrees(place, opened):
+    with open(place / "globe-5.asc", "w") as out:
+        out.write("ncols 73\nnrows 35\nxllcenter -180\nyllcenter -85\ncellsize 5\n")
+        np.savetxt(out, np.full((35, 73), 500.0), "%.1f")
+    (place / "globe-5.prj").write_text("EPSG:4326")
+    terrane("tiles", place / "globe-5.asc", place / "globe-5", "--max-level", 7)
+    server = Served(place / "globe-5")
+    page = show(opened, server)
+    page("() => terrane.look(180, 10, 4e6)")
+    calm(page)
+    ends = [[174, 5, 500], [-173, 16, 500]]
+    pieces = page(SECTION, ends)
+    shares = shares_of(pieces)
+    assert min(shares) == 0 and max(shares) == 1
+    assert max(abs(one[1][0] - next_[0][0]) for one, next_ in zip(pieces, pieces[1:])) < 1e-6, "without gaps"
+    assert {np.sign(at[0]) for piece in pieces for _, at in piece} == {1, -1}
+    error = max(tile["error"] for tile in page("() => terrane.drawn()"))
+    assert all(abs(at[2] - 500) <= error for piece in pieces for _, at in piece)
     server.stop()
 
 
