@@ -454,6 +454,19 @@ def test_sections_end_where_data_end(either, opened):
     assert page(SECTION, [inside, [inside[0] - 180, -inside[1], 500]]) == []
 
 
+def test_sections_take_each_place_of_one_tile(served, opened):
+    page = show(opened, served)
+    # Every other tile is not there: quarters of those above are shown beside tiles below them.
+    page("""() => { const before = window.fetch; window.fetch = async (url, how) =>
+        (Number(url.split('/')[1]) % 2 ? before(url, how) : new Response('', { status: 404 })); }""")
+    assert slide(page, 0.5)["failures"] > 0
+    assert any(tile["quarters"] != 15 for tile in page("() => terrane.drawn()"))
+    for row in [0.01, 0.02, 0.04]:
+        pieces = page(SECTION, [[WEST + 0.005, SOUTH + row, 500], [WEST + 0.065, SOUTH + row + 0.01, 500]])
+        ends = [(one[1][0], next_[0][0]) for one, next_ in zip(pieces, pieces[1:])]
+        assert len(ends) > 5 and max(abs(end - begin) for end, begin in ends) < 1e-4
+
+
 def test_sections_cross_180_degrees(place, opened):
     with open(place / "globe-5.asc", "w") as out:
         out.write("ncols 73\nnrows 35\nxllcenter -180\nyllcenter -85\ncellsize 5\n")
