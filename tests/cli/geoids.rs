@@ -123,8 +123,10 @@ fn a_geotiff_is_the_same_as_a_gtx() {
         assert_eq!(mesh("g.gtx"), mesh("points.tif"), "{verb:?}");
     }
     // Whole numbers of hundredths; and samples that are not known.
-    let scale = "<GDALMetadata><Item name=\"SCALE\" sample=\"0\" role=\"scale\">0.01</Item></GDALMetadata>";
-    let whole = with(Spec { format: 2, bits: 16, ..tiff() }, (42112, Value::Text(scale.to_owned())));
+    let scale =
+        "<GDALMetadata><Item name=\"SCALE\" sample=\"0\" role=\"scale\">0.01</Item></GDALMetadata>";
+    let whole =
+        with(Spec { format: 2, bits: 16, ..tiff() }, (42112, Value::Text(scale.to_owned())));
     place.write("whole.tif", whole.build(|col, row, _| (samples(col, row, 0) * 100.0).round()));
     place.ok(&["tiles", "g.asc", "whole", "--geoid", "whole.tif", "-q"]);
     let told = json(&place.run(&["verify", "whole", "g.asc", "--geoid", "g.gtx", "--json"]).out);
@@ -163,8 +165,16 @@ fn what_is_no_geoid_is_refused_by_name() {
     let beyond = with(tiff(), (33922, Value::Double(vec![0.0, 0.0, 0.0, WEST, 91.0, 0.0])));
     let cases = [
         ("feet", with(tiff(), items(KIND, "foot")), "another unit than metres: foot"),
-        ("seconds", with(tiff(), items(KIND, "arc-second")), "another unit than metres: arc-second"),
-        ("shift", with(tiff(), items("HORIZONTAL_OFFSET", "metre")), "of another kind: HORIZONTAL_OFFSET"),
+        (
+            "seconds",
+            with(tiff(), items(KIND, "arc-second")),
+            "another unit than metres: arc-second",
+        ),
+        (
+            "shift",
+            with(tiff(), items("HORIZONTAL_OFFSET", "metre")),
+            "of another kind: HORIZONTAL_OFFSET",
+        ),
         ("bands", unsaid(Spec { bands: 3, ..tiff() }), "has 3 bands"),
         ("bytes", Spec { format: 1, bits: 8, ..tiff() }, "samples of uint8"),
         ("utm", with(tiff(), keys(&[(1024, 1), (1025, 2), (3072, 32632)])), "is in EPSG:32632"),

@@ -80,20 +80,36 @@ fn turn_over(heights: &mut [f32], columns: usize) {
 
 /// Fails on what has other values than heights of a geoid in metres.
 fn check_kind(info: &GridInfo) -> Result<()> {
-    let detail = |name: &str| info.details.iter().find(|(own, _)| own == name).map(|(_, text)| text.as_str());
-    let refuse = |what: String| Err(Error::unsupported(what).remedy("give heights of a geoid above the ellipsoid in metres"));
+    let detail = |name: &str| {
+        info.details.iter().find(|(own, _)| own == name).map(|(_, text)| text.as_str())
+    };
+    let refuse = |what: String| {
+        Err(Error::unsupported(what)
+            .remedy("give heights of a geoid above the ellipsoid in metres"))
+    };
     match detail("grid type") {
         Some(KIND) => {}
         Some(other) => return refuse(format!("is a geodetic grid of another kind: {other}")),
-        None if info.bands != 1 => return refuse(format!("has {} bands, and does not say that the first is a geoid", info.bands)),
+        None if info.bands != 1 => {
+            return refuse(format!(
+                "has {} bands, and does not say that the first is a geoid",
+                info.bands
+            ));
+        }
         None => {}
     }
     if let SampleType::U8 | SampleType::I8 | SampleType::F16 = info.sample_type {
-        return refuse(format!("holds samples of {}, which are too coarse for a geoid", info.sample_type.name()));
+        return refuse(format!(
+            "holds samples of {}, which are too coarse for a geoid",
+            info.sample_type.name()
+        ));
     }
     let unit = info.crs.vertical_unit.as_deref();
     if unit.is_some() && info.crs.vertical_metres() != Some(1.0) {
-        return refuse(format!("has heights in another unit than metres: {}", unit.unwrap_or_default()));
+        return refuse(format!(
+            "has heights in another unit than metres: {}",
+            unit.unwrap_or_default()
+        ));
     }
     Ok(())
 }
@@ -107,7 +123,10 @@ fn check_place(info: &GridInfo) -> Result<()> {
             .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
     }
     if !counts_degrees(crs) {
-        let message = format!("is in {}, not by longitudes and latitudes in degrees from Greenwich on", crs.label());
+        let message = format!(
+            "is in {}, not by longitudes and latitudes in degrees from Greenwich on",
+            crs.label()
+        );
         return Err(Error::unsupported(message).remedy(remedy));
     }
     if map.b != 0.0 || map.d != 0.0 || map.a <= 0.0 {
@@ -128,7 +147,11 @@ mod tests {
 
     #[test]
     fn rows_are_turned_over_whatever_their_number() {
-        for (rows, turned) in [(1, vec![0.0, 1.0]), (2, vec![2.0, 3.0, 0.0, 1.0]), (3, vec![4.0, 5.0, 2.0, 3.0, 0.0, 1.0])] {
+        for (rows, turned) in [
+            (1, vec![0.0, 1.0]),
+            (2, vec![2.0, 3.0, 0.0, 1.0]),
+            (3, vec![4.0, 5.0, 2.0, 3.0, 0.0, 1.0]),
+        ] {
             let mut heights: Vec<f32> = (0..2 * rows).map(|height| height as f32).collect();
             turn_over(&mut heights, 2);
             assert_eq!(heights, turned);
