@@ -118,7 +118,7 @@ fn check_kind(info: &GridInfo) -> Result<()> {
 fn check_place(info: &GridInfo) -> Result<()> {
     let (crs, map) = (&info.crs, info.transform);
     let remedy = "give a grid of longitudes and latitudes: gdalwarp -t_srs EPSG:4326";
-    if !info.georeferenced || crs.is_unknown() {
+    if !info.georeferenced || !crs.is_named() {
         return Err(Error::bad_input("does not say where on the globe it lies")
             .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
     }
