@@ -19,7 +19,7 @@ use terrane_jobs::line::Length;
 /// assert!(report.levels > 0);
 /// let path = folder.path().join("degrees.geojson");
 /// let report = dem.contours().every(20.0).to_crs("EPSG:4326").write(&path)?;
-/// assert_eq!(report.transformed.unwrap().crs, "EPSG:4326");
+/// assert_eq!(report.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
 /// # Ok(())
 /// # }
 /// ```

@@ -210,7 +210,7 @@ fn meshes_contours_and_lines_are_written_in_another_system() {
     let tin = || grid.tin().max_error(20.0);
     tin().to_crs("EPSG:4326").write(path("plain.ply")).unwrap();
     let made = tin().to_crs("EPSG:4979").geoid(path("sea.gtx")).write(path("high.ply")).unwrap();
-    assert_eq!(made.transformed.unwrap().crs, "EPSG:4979");
+    assert_eq!(made.transformed.unwrap().crs, "EPSG:4979 (WGS 84)");
     let ((low, _), (high, _)) = (stored(&path("plain.ply")), stored(&path("high.ply")));
     for (low, high) in low.iter().zip(&high) {
         assert!((high[2] - low[2] - 48.5).abs() < 1e-9 && high[..2] == low[..2]);
@@ -219,11 +219,11 @@ fn meshes_contours_and_lines_are_written_in_another_system() {
     let lines = || grid.contours().every(50.0);
     lines().write(path("metres.wkt")).unwrap();
     let made = lines().to_crs("EPSG:4326").write(path("degrees.geojson")).unwrap();
-    assert_eq!(made.transformed.unwrap().crs, "EPSG:4326");
+    assert_eq!(made.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
     let features = terrane::open_features(path("metres.wkt")).unwrap();
     let simpler = || features.simplify().tolerance(5.0);
     let made = simpler().to_crs("EPSG:4326").write(path("simpler.geojson")).unwrap();
-    assert_eq!(made.transformed.unwrap().crs, "EPSG:4326");
+    assert_eq!(made.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
     // What leads nowhere, or is about files.
     let sea = path("sea.gtx");
     for failed in [

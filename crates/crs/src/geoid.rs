@@ -64,7 +64,6 @@ impl Geoid {
         let four = |part: &[u8]| part.try_into().map_or(f32::NAN, f32::from_be_bytes);
         let heights = values.chunks_exact(4).map(four).collect();
         Self::new([west, south], [across, up], [columns, rows], heights)
-            .map_err(|error| bad(&error.to_string()))
     }
 
     /// From heights in metres, row by row from the south, each from the west; what is not a number is not known.
@@ -78,8 +77,9 @@ impl Geoid {
         [columns, rows]: [u32; 2],
         heights: Vec<f32>,
     ) -> Result<Self> {
+        let bad = |what: &str| Error::bad_input(what).remedy("fetch the file again");
         if columns < 2 || rows < 2 || heights.len() as u64 != u64::from(columns) * u64::from(rows) {
-            return Err(Error::bad_input("it has too few heights"));
+            return Err(bad("is a grid of too few heights"));
         }
         let ([west, south], [across, up]) = (corner, step);
         let extent = [across * f64::from(columns - 1), up * f64::from(rows - 1)];
@@ -90,7 +90,7 @@ impl Geoid {
             && (-360.0..=360.0).contains(&west)
             && extent[0] <= 360.001;
         if !is_sound {
-            return Err(Error::bad_input("it lies beyond the globe"));
+            return Err(bad("lies beyond the globe"));
         }
         Ok(Self { corner, step, columns: columns as usize, rows: rows as usize, heights })
     }

@@ -95,7 +95,7 @@ def test_meshes_and_contours_are_brought_to_another_system(heights: NDArray[np.f
     told = terrane.write_tin(
         heights, tmp_path / "m.ply", 5.0, to_crs="EPSG:4979", geoid=sea, **where
     )
-    assert told["transformed"]["crs"] == "EPSG:4979"
+    assert told["transformed"]["crs"] == "EPSG:4979 (WGS 84)"
     plain = terrane.tin(heights, 5.0, **where)
     lines = (tmp_path / "m.ply").read_bytes().split(b"end_header\n", 1)[1]
     vertices = np.frombuffer(lines, "<f8", 3 * told["vertices"]).reshape(-1, 3)
