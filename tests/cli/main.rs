@@ -13,6 +13,7 @@ mod cloud;
 mod contour;
 mod crs_matrix;
 mod demo_methods;
+mod geoids;
 mod grid;
 mod help;
 mod info_features;

@@ -14,6 +14,7 @@ pub mod feature_stats;
 #[cfg(test)]
 mod few;
 pub mod figures;
+mod geoid;
 mod globe;
 pub mod grid;
 mod ground;
