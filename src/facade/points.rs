@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use super::cloud::Cloud;
-use super::run::{Run, overwrite_setting, run_settings};
+use super::run::{Run, System, overwrite_setting, run_settings, system_settings};
 use terrane_base::Result;
 use terrane_cloud::PointFormat;
-use terrane_jobs::transform::Transform;
 use terrane_jobs::translate::{self, Squares, Thin, TranslateJob, TranslateReport};
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
@@ -29,12 +28,13 @@ pub struct PointsBuilder<'a> {
     format: Option<PointFormat>,
     dedupe: bool,
     thin: Option<Thin>,
-    transform: Option<Transform>,
+    system: System,
     run: Run,
 }
 
 run_settings!([] PointsBuilder<'_>);
 overwrite_setting!([] PointsBuilder<'_>);
+system_settings!([] PointsBuilder<'_>);
 
 impl<'a> PointsBuilder<'a> {
     pub(super) fn of(cloud: &'a Cloud) -> Self {
@@ -43,7 +43,7 @@ impl<'a> PointsBuilder<'a> {
             format: None,
             dedupe: false,
             thin: None,
-            transform: None,
+            system: System::default(),
             run: Run::default(),
         }
     }
@@ -63,12 +63,6 @@ impl<'a> PointsBuilder<'a> {
     /// Only one point of each cell.
     pub fn thin(mut self, thin: Thin) -> Self {
         self.thin = Some(thin);
-        self
-    }
-
-    /// Write them in another reference system; all that is decided is decided before, in that of the cloud.
-    pub fn transform(mut self, transform: Transform) -> Self {
-        self.transform = Some(transform);
         self
     }
 
@@ -101,7 +95,7 @@ impl<'a> PointsBuilder<'a> {
             format: self.format,
             dedupe: self.dedupe,
             thin: self.thin,
-            transform: self.transform.clone(),
+            transform: self.system.transform()?,
             overwrite: self.run.overwrite,
             resources: self.run.resources()?,
             ..TranslateJob::new(self.cloud.inputs.clone(), output)
