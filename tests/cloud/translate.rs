@@ -208,6 +208,89 @@ fn formats_are_changed_or_refused() {
     assert!(run(&job(&[&input], &place.path().join("out.tif"))).is_err());
 }
 
+#[test]
+fn lines_of_text_tell_all_fields_and_are_read_again() {
+    let place = Place::new();
+    let mut about = extra_bytes(&["a", "b"]);
+    // The second one is signed, in halves, from 10 on.
+    (about[192 + 2], about[192 + 3]) = (4, 8 | 16);
+    about[192 + 112..192 + 120].copy_from_slice(&0.5_f64.to_le_bytes());
+    about[192 + 136..192 + 144].copy_from_slice(&10.0_f64.to_le_bytes());
+    for format in [3, 8] {
+        let vlrs = vec![("LASF_Spec", 4, about.clone())];
+        let mut made = Made { vlrs, ..Made::new(format, Packing::Fixed(700), 9000).with_extra(4) };
+        for record in &mut made.records {
+            let end = record.len();
+            record[end - 1] = 255;
+        }
+        let input = place.write("in.laz", &made.bytes());
+        let output = place.path().join("out.csv");
+        let report = run(&job(&[&input], &output)).unwrap();
+        let text = std::fs::read_to_string(&output).unwrap();
+        assert_eq!((report.points, report.output_bytes), (9000, text.len() as u64));
+        let mut lines = text.lines();
+        let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+        let column = |name: &str| names.iter().position(|known| *known == name).unwrap();
+        assert_eq!((names[0], names.last()), ("x", Some(&"b")));
+        for (line, (record, world)) in lines.zip(made.records.iter().zip(made.world())) {
+            let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
+            assert_eq!(values.len(), names.len());
+            assert!(values.iter().zip(world).all(|(told, at)| (told - at).abs() < 1e-6), "{line}");
+            let is_old = format == 3;
+            let byte = |at: usize| f64::from(record[at]);
+            let short = |at: usize| f64::from(u16::from_le_bytes(number(record, at)));
+            let float = |at: usize| f64::from_le_bytes(number(record, at));
+            let end = record.len() - 4;
+            let colour = if is_old { 28 } else { 30 };
+            let signed = f64::from(i16::from_le_bytes(number(record, end + 2)));
+            for (name, value) in [
+                ("intensity", short(12)),
+                ("return_number", f64::from(record[14] & if is_old { 7 } else { 15 })),
+                ("classification", if is_old { f64::from(record[15] & 31) } else { byte(16) }),
+                ("withheld", f64::from(record[15] >> if is_old { 7 } else { 2 } & 1)),
+                ("user_data", byte(17)),
+                ("point_source_id", short(if is_old { 18 } else { 20 })),
+                ("gps_time", float(if is_old { 20 } else { 22 })),
+                ("green", short(colour + 2)),
+                ("a", short(end)),
+                ("b", signed * 0.5 + 10.0),
+            ] {
+                assert_eq!(values[column(name)], value, "{name} of {line}");
+            }
+        }
+        let again =
+            terrane_cloud::open(&[format!("cloud:{}", output.display())], &keep_all()).unwrap();
+        let (points, _) = read_all(&again).unwrap();
+        let near =
+            |(a, b): (&[f64; 3], &[f64; 3])| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(points.len() == 9000 && points.iter().zip(&made.world()).all(near));
+    }
+}
+
+#[test]
+fn places_far_from_the_origin_keep_their_steps() {
+    let place = Place::new();
+    let mut made = Made::new(6, Packing::Fixed(700), 3000);
+    for record in &mut made.records {
+        let y = raw(record)[1] + 1_400_000_000;
+        record[4..8].copy_from_slice(&y.to_le_bytes());
+    }
+    let input = place.write("in.laz", &made.bytes());
+    let output = place.path().join("out.las");
+    run(&job(&[&input], &output)).unwrap();
+    assert!(whole(&output).records == made.records);
+    let octree = place.path().join("out.copc.laz");
+    run(&job(&[&input], &octree)).unwrap();
+    let squares = Squares { side: 100.0, buffer: 0.0, mark: BufferMark::default() };
+    let thin = Some("5:highest".parse().unwrap());
+    let folder = place.path().join("squares");
+    let report =
+        run(&TranslateJob { squares: Some((squares, true)), thin, ..job(&[&input], &folder) });
+    let cell = |record: &Vec<u8>| [raw(record)[0].div_euclid(500), raw(record)[1].div_euclid(500)];
+    let cells: HashSet<_> = made.records.iter().map(cell).collect();
+    assert_eq!(report.unwrap().points, cells.len() as u64);
+}
+
 /// Points of small whole places, some of which are there several times.
 fn crowd(count: usize) -> Made {
     let mut made = Made::new(6, Packing::Fixed(700), count);

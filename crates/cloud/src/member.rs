@@ -140,6 +140,8 @@ impl Visit for Look<'_> {
 struct Carry<'a, 'b> {
     sieve: &'a Sieve,
     recast: &'a Recast,
+    /// Whether places stay as they are stored.
+    as_stored: bool,
     census: Census,
     out: Vec<u8>,
     each: &'a mut (dyn FnMut(&[u8]) -> Result<()> + 'b),
@@ -154,6 +156,7 @@ impl Carry<'_, '_> {
         self.out.clear();
         for (index, (record, raw)) in (first..).zip(records) {
             let Some(place) = self.sieve.pick(raw, index, &mut self.census)? else { continue };
+            let place = (!self.as_stored).then_some(place);
             self.recast.push(record, place, &mut self.out).map_err(|what| {
                 Error::unsupported(format!("it has {what}, which the point format cannot hold"))
                     .at(format_args!("point {index}"))
@@ -220,12 +223,13 @@ impl Member {
     pub(super) fn carry(
         &self,
         part: usize,
-        recast: &Recast,
+        (recast, as_stored): (&Recast, bool),
         room: &mut Room,
         each: &mut dyn FnMut(&[u8]) -> Result<()>,
     ) -> Result<Census> {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
-        let mut carry = Carry { sieve, recast, census: Census::default(), out: Vec::new(), each };
+        let mut carry =
+            Carry { sieve, recast, as_stored, census: Census::default(), out: Vec::new(), each };
         let lost = match &self.file {
             File::Las(file) => {
                 let (size, is_new) = (usize::from(file.header.record), file.header.is_new());

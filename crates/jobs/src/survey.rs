@@ -84,7 +84,8 @@ pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
 }
 
 fn options(job: &SurveyJob) -> Result<WriteOptions> {
-    let packing = write::packing_by_name(&job.output).filter(|packing| *packing != Packing::Nodes);
+    let packing = write::packing_by_name(&job.output)
+        .filter(|packing| matches!(packing, Packing::Plain | Packing::Chunks));
     let packing = packing.ok_or_else(|| {
         Error::usage("a synthetic cloud is written as .las or .laz")
             .in_file(&job.output)

@@ -4,6 +4,7 @@
 use terrane_base::error::{Error, Result};
 
 use crate::las::Bytes;
+use crate::write::{Column, Value};
 
 /// Who writes the record that describes dimensions, and its number.
 pub(crate) const USER: &str = "LASF_Spec";
@@ -21,6 +22,11 @@ const RANGE: std::ops::Range<usize> = 64..112;
 /// Bits of the options: there is a value for none, a least value, a largest one.
 const HAS_NONE: u8 = 1;
 const HAS_RANGE: u8 = 2 | 4;
+/// Bits of the options: values are multiplied, and added to; and where by what.
+const HAS_SCALE: u8 = 8;
+const HAS_OFFSET: u8 = 16;
+const SCALE: usize = 112;
+const OFFSET: usize = 136;
 /// Bytes of a value of each kind from 1 on; there are two or three of them in kinds from 11 and 21 on.
 const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 
@@ -61,6 +67,27 @@ impl Dimension {
 
     fn name(&self) -> String {
         Bytes(&self.about).text(NAME, NAME_BYTES)
+    }
+
+    /// A column for each of its values; none of bytes that are no numbers.
+    fn columns(&self, at: usize) -> Vec<Column> {
+        let (kind, options) = (usize::from(self.about[KIND]), self.about[OPTIONS]);
+        let Some(kind) = kind.checked_sub(1) else { return Vec::new() };
+        let (size, count) = (SIZES[kind % 10], 1 + kind / 10);
+        let value = match kind % 10 {
+            8 | 9 => Value::Float(size),
+            kind if kind % 2 == 0 => Value::Unsigned(size),
+            _ => Value::Signed(size),
+        };
+        let number = |at: usize| Bytes(&self.about).f64(at);
+        let column = |i: usize| {
+            let scale = if options & HAS_SCALE > 0 { number(SCALE + 8 * i) } else { 1.0 };
+            let offset = if options & HAS_OFFSET > 0 { number(OFFSET + 8 * i) } else { 0.0 };
+            let name = if count == 1 { self.name() } else { format!("{}[{i}]", self.name()) };
+            let scale = (options & (HAS_SCALE | HAS_OFFSET) > 0).then_some([scale, offset]);
+            Column { name, at: at + size * i, value, scale }
+        };
+        (0..count).map(column).collect()
     }
 
     /// What stands in records of files without it.
@@ -175,6 +202,21 @@ impl Extra {
     pub(crate) fn filling(&self) -> Vec<u8> {
         let known = self.dimensions.iter().flat_map(Dimension::filling);
         known.chain(std::iter::repeat_n(0, self.plain)).collect()
+    }
+
+    /// Columns of the dimensions, in records where they begin at a byte.
+    pub(crate) fn columns(&self, mut at: usize) -> Vec<Column> {
+        let mut columns = Vec::new();
+        for dimension in &self.dimensions {
+            columns.extend(dimension.columns(at));
+            at += dimension.size;
+        }
+        columns
+    }
+
+    /// Whether some of them are no numbers.
+    pub(crate) fn has_others(&self) -> bool {
+        self.plain > 0 || self.dimensions.iter().any(|dimension| dimension.about[KIND] == 0)
     }
 
     /// The data of the record that describes them; `None` where there is nothing to say.

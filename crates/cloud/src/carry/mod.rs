@@ -14,8 +14,8 @@ use crate::format::PointFormat;
 use crate::las::{LASZIP, LasFile, Vlr};
 use crate::member::{File, take_room};
 use crate::open::Cloud;
-use crate::write::{Carried, Packing, Vlr as Record, WriteOptions};
-use crate::{Census, PointSource};
+use crate::write::{Carried, Lines, Packing, Vlr as Record, WriteOptions};
+use crate::{Census, CloudInfo, PointSource};
 use extra::Extra;
 pub(crate) use recast::Recast;
 
@@ -39,7 +39,10 @@ const MOST_BYTES: u64 = 64 << 20;
 /// How the points of a cloud get into a file of one format.
 pub struct Carrier<'a> {
     cloud: &'a Cloud,
+    info: CloudInfo,
+    as_stored: bool,
     format: PointFormat,
+    extra: Extra,
     carried: Carried,
     /// By file.
     recasts: Vec<Recast>,
@@ -84,8 +87,12 @@ impl<'a> Carrier<'a> {
             extra_bytes: extra.bytes() as u16,
             vlrs: described(&extra).into_iter().chain(vlrs).collect(),
         };
-        notes.extend(left_out(&origins, format));
-        Ok(Self { cloud, format, carried, recasts, notes })
+        notes.extend(left_out(&origins, format, packing));
+        if packing == Packing::Text && extra.has_others() {
+            notes.push("extra bytes that are no numbers are left out".to_owned());
+        }
+        let (info, as_stored) = cloud.as_stored();
+        Ok(Self { cloud, info, as_stored, format, extra, carried, recasts, notes })
     }
 
     /// The format of the records.
@@ -93,9 +100,9 @@ impl<'a> Carrier<'a> {
         self.format
     }
 
-    /// Where the records' places are counted.
-    pub fn frame(&self) -> Frame {
-        self.cloud.info().frame
+    /// Where the records lie: in the lattice of the files, where they have one, and else in the frame of the cloud.
+    pub fn info(&self) -> &CloudInfo {
+        &self.info
     }
 
     /// Bytes of a record.
@@ -103,10 +110,16 @@ impl<'a> Carrier<'a> {
         self.format.size() + usize::from(self.carried.extra_bytes)
     }
 
-    /// A file with these records.
+    /// A file with these records, or with them as they are in another frame and system.
     pub fn file(&self, frame: Frame, crs: Crs) -> WriteOptions {
         let carried = self.carried.clone();
         WriteOptions { carried, ..WriteOptions::new(self.format, frame, crs) }
+    }
+
+    /// Their lines of text, as they are in a frame.
+    pub fn lines(&self, frame: &Frame) -> Lines {
+        let extra = self.extra.columns(self.format.size());
+        Lines::new(self.format, frame, &extra, self.size())
     }
 
     /// What is left out, or is not as in the files, one line each.
@@ -114,15 +127,15 @@ impl<'a> Carrier<'a> {
         &self.notes
     }
 
-    /// Hands on the records of the wanted points of a part, as many at a time as come; their places are steps of the
-    /// cloud's frame.
+    /// Hands on the records of the wanted points of a part, as many at a time as come; places are those of
+    /// [`info`](Self::info).
     ///
     /// # Errors
     /// Those of [`PointSource::read`]; what the format cannot hold of a point.
     pub fn read(&self, part: usize, each: &mut dyn FnMut(&[u8]) -> Result<()>) -> Result<Census> {
         let (number, member, inner) = self.cloud.part(part)?;
         let recast = &self.recasts[number];
-        take_room(|room| member.carry(inner, recast, room, each))
+        take_room(|room| member.carry(inner, (recast, self.as_stored), room, each))
     }
 }
 
@@ -265,7 +278,7 @@ fn data(vlr: &Vlr, file: &RawFile, left: &mut u64) -> Result<Record> {
 }
 
 /// What the format has no field for.
-fn left_out(origins: &[Origin<'_>], format: PointFormat) -> Vec<String> {
+fn left_out(origins: &[Origin<'_>], format: PointFormat, packing: Packing) -> Vec<String> {
     let own = format.places();
     let fields = |origin: &Origin<'_>| {
         let places = origin.format.places();
@@ -273,7 +286,10 @@ fn left_out(origins: &[Origin<'_>], format: PointFormat) -> Vec<String> {
             ("times", origin.has_time() && own.time.is_none()),
             ("colours", places.colour > own.colour && own.colour.is_none()),
             ("infrared", places.infrared.is_some() && own.infrared.is_none()),
-            ("waveforms", places.wave.is_some() && own.wave.is_none()),
+            (
+                "waveforms",
+                places.wave.is_some() && (own.wave.is_none() || packing == Packing::Text),
+            ),
             (
                 "parts of a degree of scan angles",
                 origin.las.is_some() && origin.format.is_new() && !format.is_new(),
@@ -283,10 +299,12 @@ fn left_out(origins: &[Origin<'_>], format: PointFormat) -> Vec<String> {
     let all: Vec<_> = origins.iter().map(fields).collect();
     let is_lost = |i: &usize| all.iter().any(|fields| fields[*i].1);
     let lost: Vec<_> = (0..5).filter(is_lost).map(|i| all[0][i].0).collect();
-    let note = format!(
-        "point format {} has no field for {}, which are left out",
-        format.number(),
-        lost.join(", ")
-    );
+    let lost = lost.join(", ");
+    let note = match packing {
+        Packing::Text => format!("{lost} are left out"),
+        _ => {
+            format!("point format {} has no field for {lost}, which are left out", format.number())
+        }
+    };
     (!lost.is_empty()).then_some(note).into_iter().collect()
 }

@@ -54,7 +54,7 @@ impl Recast {
         Self { is_new: [from.is_new(), to.is_new()], moves, blank, is_same }
     }
 
-    /// Appends the record of a point, which is at `place` in the output.
+    /// Appends the record of a point, which is at `place` in the output; where it is stored when `None`.
     ///
     /// # Errors
     /// What the format of the output cannot hold.
@@ -62,7 +62,7 @@ impl Recast {
     pub(crate) fn push(
         &self,
         record: &[u8],
-        place: Point,
+        place: Option<Point>,
         out: &mut Vec<u8>,
     ) -> Result<(), String> {
         let at = out.len();
@@ -72,8 +72,9 @@ impl Recast {
             out.extend_from_slice(&self.blank);
             self.fill(record, &mut out[at..])?;
         }
-        let steps = [place.x, place.y, place.z].map(i32::to_le_bytes);
-        out[at..at + 12].copy_from_slice(steps.as_flattened());
+        if let Some(Point { x, y, z }) = place {
+            out[at..at + 12].copy_from_slice([x, y, z].map(i32::to_le_bytes).as_flattened());
+        }
         Ok(())
     }
 
@@ -159,7 +160,7 @@ mod tests {
     fn push(recast: &Recast, record: &[u8]) -> Result<Vec<u8>, String> {
         let mut out = Vec::new();
         let at = Point { x: 1, y: -2, z: 3 };
-        recast.push(record, at, &mut out).map(|()| out)
+        recast.push(record, Some(at), &mut out).map(|()| out)
     }
 
     fn record(format: u8) -> Vec<u8> {

@@ -36,6 +36,8 @@ pub enum Packing {
     Chunks,
     /// Compressed, any number of points at a time (COPC).
     Nodes,
+    /// Lines of text, which no [`Layout`](super::Layout) makes.
+    Text,
 }
 
 impl Packing {
@@ -52,7 +54,7 @@ impl Packing {
     pub(crate) fn holding(self, held: PointFormat) -> Result<PointFormat> {
         let format = match self {
             Self::Nodes => held.holding(PointFormat::default()),
-            Self::Plain | Self::Chunks => held,
+            Self::Plain | Self::Chunks | Self::Text => held,
         };
         self.check(format).map(|()| format)
     }
@@ -75,7 +77,7 @@ impl Chunk {
 impl Layout {
     pub(super) fn new(format: PointFormat, extra_bytes: u16, packing: Packing) -> Result<Self> {
         let laz = match packing {
-            Packing::Plain => None,
+            Packing::Plain | Packing::Text => None,
             Packing::Chunks => Some(vlr(format, extra_bytes, CHUNK as u32)?),
             Packing::Nodes => Some(vlr(format, extra_bytes, u32::MAX)?),
         };

@@ -10,11 +10,14 @@ mod header;
 mod octree;
 mod record;
 mod tally;
+mod text;
 
 pub use chunk::{CHUNK, Chunk, Layout, Packing};
 pub use octree::{Cube, Key};
 pub(crate) use record::ANGLES;
 pub use record::Record;
+pub use text::Lines;
+pub(crate) use text::{Column, Value};
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
@@ -107,8 +110,14 @@ pub struct CloudWriter {
 /// How a file of this name is packed; `None` for names of no known ending.
 pub fn packing_by_name(path: &Path) -> Option<Packing> {
     let name = path.to_string_lossy().to_lowercase();
-    let known =
-        [(".copc.laz", Packing::Nodes), (".laz", Packing::Chunks), (".las", Packing::Plain)];
+    let known = [
+        (".copc.laz", Packing::Nodes),
+        (".laz", Packing::Chunks),
+        (".las", Packing::Plain),
+        (".csv", Packing::Text),
+        (".txt", Packing::Text),
+        (".xyz", Packing::Text),
+    ];
     known.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, packing)| packing)
 }
 

@@ -13,9 +13,11 @@ mod octree;
 mod squares;
 mod thin;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::figures::Figures;
@@ -32,7 +34,7 @@ pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
 use terrane_cloud::{Carrier, Census, CloudInfo, OpenOptions, PointFormat, PointSource};
-use terrane_files::atomic::{AtomicFolder, refuse_existing};
+use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};
 
@@ -110,6 +112,8 @@ const PACKING: u64 = 4;
 /// Most bytes of the records of a round, for each thread.
 const ROUND: u64 = 16 << 20;
 
+/// Lines that a thread makes at a time.
+const LINES: usize = 4096;
 /// Least memory for records that are put into columns or squares.
 const SPREAD: u64 = 32 << 20;
 
@@ -162,12 +166,21 @@ pub fn run(
     let needed = job.needed(packing, cloud.info().count);
     let shares = Shares::new(&job.resources, carrier.size(), needed)?;
     let threads = shares.threads;
-    let moved = job.moved(cloud.info())?;
-    let info = moved.as_ref().map_or(cloud.info(), |moved| &moved.info);
+    let moved = job.moved(carrier.info())?;
+    let info = moved.as_ref().map_or(carrier.info(), |moved| &moved.info);
     let file = carrier.file(info.frame, info.crs.clone());
     let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
     let source = CarriedRecords::new(&cloud, &carrier);
-    let work = Work { job, cells: cloud.info(), info, moved: moved.as_ref(), options, shares, at };
+    let work = Work {
+        job,
+        cells: carrier.info(),
+        info,
+        moved: moved.as_ref(),
+        carrier: &carrier,
+        options,
+        shares,
+        at,
+    };
     let resources = Resources { threads, ..job.resources.clone() };
     let made = workers(&resources)?.install(|| work.run(&source))?;
     let run = Figures { threads, ..Figures::since(start, &job.resources) };
@@ -237,6 +250,7 @@ struct Work<'a> {
     /// What is written.
     info: &'a CloudInfo,
     moved: Option<&'a Move>,
+    carrier: &'a Carrier<'a>,
     options: WriteOptions,
     shares: Shares,
     at: At<'a>,
@@ -281,6 +295,7 @@ impl Work<'_> {
         match (&self.job.squares, self.options.packing) {
             (Some((squares, _)), _) => self.divide(*squares, records),
             (None, Packing::Nodes) => self.octree(records),
+            (None, Packing::Text) => self.text(records),
             (None, _) => self.file(records),
         }
     }
@@ -293,6 +308,35 @@ impl Work<'_> {
         packer.finish()?;
         self.at.progress.end();
         finish(writer)
+    }
+
+    fn text(&self, records: &dyn Records) -> Result<Made> {
+        let path = &self.job.output;
+        let beside = path.with_extension("prj");
+        let says_so = |found: &str| self.info.crs.is_said_by(found);
+        let beside = Sidecar::new(
+            beside,
+            self.info.crs.to_wkt().map(|text| text + "\n"),
+            says_so,
+            self.job.overwrite,
+        )?;
+        let mut file = AtomicFile::create(path, self.job.overwrite)?;
+        let lines = self.carrier.lines(&self.info.frame);
+        let mut put =
+            |text: &str| file.write_all(text.as_bytes()).map_err(|e| Error::write(path, e));
+        put(&lines.heading())?;
+        self.at.progress.begin("points", total(records));
+        let (size, mut points) = (self.shares.flow.record, 0);
+        self.shares.flow.run(records, self.at, &mut |bytes| {
+            points += (bytes.len() / size) as u64;
+            let parts: Vec<_> =
+                bytes.par_chunks(LINES * size).map(|some| lines.lines(some)).collect();
+            parts.iter().try_for_each(|text| put(text))
+        })?;
+        self.at.progress.end();
+        let bytes = file.commit()?;
+        beside.commit()?;
+        Ok(Made { files: 1, points, bytes })
     }
 
     fn octree(&self, records: &dyn Records) -> Result<Made> {
@@ -328,7 +372,7 @@ fn total(records: &dyn Records) -> u64 {
 
 fn packing(path: &Path) -> Result<Packing> {
     packing_by_name(path).ok_or_else(|| {
-        Error::usage("points are written as .las, .laz or .copc.laz")
+        Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
             .in_file(path)
             .remedy("choose a name with one of these endings")
     })
