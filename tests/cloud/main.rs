@@ -8,4 +8,5 @@ mod data;
 mod filters;
 mod formats;
 mod synth;
+mod whole;
 mod write;
