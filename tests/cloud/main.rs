@@ -9,4 +9,5 @@ mod filters;
 mod formats;
 mod synth;
 mod translate;
+mod whole;
 mod write;

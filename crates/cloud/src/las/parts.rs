@@ -253,3 +253,6 @@ fn can_be(fields: &Fields, reach: &Option<Claim>) -> bool {
     let returned = |bits: &u8| bits >> 4 == 0 || bits & 15 <= bits >> 4;
     fields.places.iter().all(within) && fields.returns.iter().all(returned)
 }
+
+#[cfg(test)]
+mod tests;

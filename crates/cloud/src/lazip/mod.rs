@@ -11,7 +11,9 @@
 //! has two (see [`Decoder::pair`]).
 //!
 //! The layers that a filter needs are decoded into columns, some thousand points at a time, so that
-//! memory does not depend on what a chunk claims. Files that are one stream (before LASzip had chunks)
+//! memory does not depend on what a chunk claims. The layers that only whole records need follow once it
+//! is known of so many points where they are and what changes with them, so that nobody else waits for
+//! them. Files that are one stream (before LASzip had chunks)
 //! pass through a window, as they need not fit in memory, and so do chunks whose table is lost, to find
 //! where they end.
 //!
@@ -226,7 +228,8 @@ impl fmt::Display for Damage {
     }
 }
 
-/// Decodes chunks; one per thread, used again and again. It keeps some 2 MiB.
+/// Decodes chunks; one per thread, used again and again. It keeps some 2 MiB, once whole records were
+/// wanted some 4 MiB, and for each extra byte a KiB in each scanner channel that there was.
 #[derive(Default)]
 pub struct Decoder {
     layered: [Layered; 2],
