@@ -411,6 +411,53 @@ fn nodes(path: &Path) -> (Vec<Node>, [f64; 4]) {
     (data(1000).chunks(32).map(entry).collect(), cube)
 }
 
+/// A point: which of 2^30 divisions of the cube it is in, and its record.
+type Fine = ([u32; 3], Vec<u8>);
+
+/// The slow way to an octree: the points that a node of all these has, those below it put into `nodes`.
+fn held(
+    key: [i32; 4],
+    points: Vec<Fine>,
+    nodes: &mut BTreeMap<[i32; 4], Vec<Vec<u8>>>,
+) -> Vec<Fine> {
+    if points.len() <= 1 << 16 {
+        return points;
+    }
+    let [level, x, y, z] = key;
+    let mut best: BTreeMap<[u32; 3], (i64, Vec<u8>)> = BTreeMap::new();
+    let mut below = Vec::new();
+    for child in 0..8_i32 {
+        let [a, b, c] = [child & 1, child >> 1 & 1, child >> 2];
+        let is_in =
+            |(fine, _): &&Fine| fine.map(|fine| (fine >> (29 - level) & 1) as i32) == [a, b, c];
+        let own = points.iter().filter(is_in).cloned().collect();
+        let key = [level + 1, 2 * x + a, 2 * y + b, 2 * z + c];
+        below.push((key, held(key, own, nodes)));
+    }
+    // Twice the cell of 2^(23 - level) divisions and the distance from its middle.
+    let bits = 23 - level as u32;
+    let cell = |fine: [u32; 3]| fine.map(|fine| fine >> bits);
+    let apart = |fine: [u32; 3]| {
+        let along = |fine: u32| 2 * i64::from(fine % (1 << bits)) + 1 - (1 << bits);
+        fine.map(|fine| along(fine).pow(2)).iter().sum::<i64>()
+    };
+    for (fine, record) in below.iter().flat_map(|(_, all)| all) {
+        let one = (apart(*fine), record.clone());
+        let known = best.entry(cell(*fine)).or_insert_with(|| one.clone());
+        *known = one.min(known.clone());
+    }
+    let mut own = Vec::new();
+    for (key, all) in below {
+        let (taken, rest): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|(fine, record)| best[&cell(*fine)].1 == *record);
+        own.extend(taken);
+        if !rest.is_empty() {
+            nodes.insert(key, rest.into_iter().map(|(_, record)| record).collect());
+        }
+    }
+    own
+}
+
 #[test]
 fn an_octree_holds_each_point_once_in_its_cube_and_more_than_one_node() {
     let place = Place::new();
@@ -436,8 +483,23 @@ fn an_octree_holds_each_point_once_in_its_cube_and_more_than_one_node() {
         assert!((1..=1 << 16).contains(points), "{points}");
         by_place.insert(*first, ([*level, at[0], at[1], at[2]], *points));
     }
+    let fine = |record: &Vec<u8>| {
+        let world =
+            |axis: usize| f64::from(raw(record)[axis]) * made.scale[axis] + made.offset[axis];
+        let at = |(axis, low): (usize, f64)| {
+            let share = (world(axis) - low) / side * f64::from(1 << 30);
+            share.clamp(0.0, f64::from((1 << 30) - 1)) as u32
+        };
+        ([(0, x), (1, y), (2, z)].map(at), record.clone())
+    };
+    let mut expected = BTreeMap::new();
+    let root = held([0; 4], made.records.iter().map(fine).collect(), &mut expected);
+    expected.insert([0; 4], root.into_iter().map(|(_, record)| record).collect());
     let mut records = found.records.iter();
     for ([level, at @ ..], points) in by_place.into_values() {
+        let own = records.as_slice()[..points as usize].to_vec();
+        let key = [level, at[0], at[1], at[2]];
+        assert!(sorted(own) == sorted(expected.remove(&key).unwrap()), "{key:?}");
         let size = side / f64::from(1 << level);
         let mut last = f64::NEG_INFINITY;
         for record in records.by_ref().take(points as usize) {
@@ -452,6 +514,7 @@ fn an_octree_holds_each_point_once_in_its_cube_and_more_than_one_node() {
             last = time;
         }
     }
+    assert!(expected.is_empty());
     let bytes = std::fs::read(&output).unwrap();
     for (threads, memory, format) in [(1, 66, 7), (3, 4096, 7), (2, 100, 7)] {
         let resources = Resources { threads, memory: memory << 20, temp_dir: None };

@@ -1,8 +1,8 @@
 //! Records into an octree (COPC): every node has points from all of its cube, and what is below it the rest.
 //!
 //! A node with at most [`NODE_POINTS`] points below it has them all. Else its cube is divided into cells, and of
-//! each cell it has the point nearest to its middle; the others stay in the eight nodes below. That is a function of
-//! the points alone, so the columns of nodes that are worked on at a time leave no trace; nor does the order of
+//! the points that the eight nodes below it would have it takes the one nearest to the middle of each. That is a
+//! function of the points alone, so the columns of nodes that are worked on at a time leave no trace; nor does the order of
 //! points, which are sorted in each node.
 //!
 //! Points are first put into columns of the level where these have some ten thousand, as ground is flat. Columns are
