@@ -32,7 +32,7 @@ pub(super) struct Run<'d, 'a> {
     /// Of points whose records are still to be completed.
     traces: Vec<Trace>,
     /// Nothing where whole records are not wanted.
-    rest: Option<Rest<'d, 'a>>,
+    rest: Option<Box<Rest<'d, 'a>>>,
 }
 
 impl<'d, 'a> Run<'d, 'a> {
@@ -53,7 +53,7 @@ impl<'d, 'a> Run<'d, 'a> {
         let rest = match wanted.records {
             true => {
                 let room = layered.rest.get_or_insert_with(rest::Room::new);
-                Some(Rest::new(room, body, layers, current)?)
+                Some(Box::new(Rest::new(room, body, layers, current)?))
             }
             false => None,
         };
@@ -76,7 +76,7 @@ impl<'d, 'a> Run<'d, 'a> {
     /// Fails unless all streams end here.
     pub(super) fn end(&self) -> Result<(), Damage> {
         self.streams.check(|coder| coder.is_all())?;
-        self.rest.as_ref().map_or(Ok(()), Rest::end)
+        self.rest.as_deref().map_or(Ok(()), Rest::end)
     }
 
     /// Hands on the first point; returns how many of `count` are left.
