@@ -80,6 +80,10 @@ pub(super) struct Wanted {
     /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(super) water: Option<String>,
+    /// Tell in each tile of quantized-mesh which of its 256 x 256 pixels are water of --water (the extension
+    /// "watermask"): those whose middle lies in a polygon
+    #[arg(long, help_heading = "Tiles")]
+    water_mask: bool,
 }
 
 impl Wanted {
@@ -90,6 +94,7 @@ impl Wanted {
             formats: self.format.clone(),
             tile_edges: self.tile_edges,
             meshopt: self.meshopt,
+            water_mask: self.water_mask,
             max_level: self.max_level,
             normals: !self.no_normals,
             compress: !self.no_gzip,

@@ -33,6 +33,7 @@ pub struct TilesBuilder<'a> {
     formats: Vec<TilesFormat>,
     tile_edges: bool,
     meshopt: bool,
+    water_mask: bool,
     max_level: Option<u8>,
     normals: bool,
     compress: bool,
@@ -44,10 +45,30 @@ overwrite_setting!([] TilesBuilder<'_>);
 
 impl<'a> TilesBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
-        let TilesJob { geoid, formats, tile_edges, meshopt, max_level, normals, compress, .. } =
-            TilesJob::new(grid.inputs.clone(), PathBuf::new());
+        let TilesJob {
+            geoid,
+            formats,
+            tile_edges,
+            meshopt,
+            water_mask,
+            max_level,
+            normals,
+            compress,
+            ..
+        } = TilesJob::new(grid.inputs.clone(), PathBuf::new());
         let run = Run::default();
-        Self { grid, geoid, formats, tile_edges, meshopt, max_level, normals, compress, run }
+        Self {
+            grid,
+            geoid,
+            formats,
+            tile_edges,
+            meshopt,
+            water_mask,
+            max_level,
+            normals,
+            compress,
+            run,
+        }
     }
 
     /// A file with the heights of the geoid that those of the grid are counted from, above the ellipsoid, in metres
@@ -73,6 +94,13 @@ impl<'a> TilesBuilder<'a> {
     /// Compress what is in a tile of 3D Tiles (`EXT_meshopt_compression`), which clients then have to know.
     pub fn meshopt(mut self, meshopt: bool) -> Self {
         self.meshopt = meshopt;
+        self
+    }
+
+    /// Tell in each tile of quantized-mesh which of its 256 x 256 pixels are water (the extension `watermask`): those
+    /// whose middle lies in a polygon of the file of [`Grid::water`].
+    pub fn water_mask(mut self, mask: bool) -> Self {
+        self.water_mask = mask;
         self
     }
 
@@ -130,6 +158,7 @@ impl<'a> TilesBuilder<'a> {
             formats: self.formats.clone(),
             tile_edges: self.tile_edges,
             meshopt: self.meshopt,
+            water_mask: self.water_mask,
             max_level: self.max_level,
             normals: self.normals,
             compress: self.compress,

@@ -32,7 +32,7 @@ mod tests;
 mod tiling;
 
 pub use chart::Chart;
-pub use encode::quantized_mesh;
+pub use encode::{Extras, MASK_SIDE, MASK_WATER, quantized_mesh};
 pub use globe::{Turn, Upright, Vector};
 pub use gltf::{Facts, Form, glb, in_shorts};
 pub use ground::{Fill, Ground, Means, Patch, Sample};

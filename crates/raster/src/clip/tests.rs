@@ -8,7 +8,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 
 use super::scan::Scan;
-use super::{Clip, ClipRings, Xy, clipped};
+use super::{Areas, Clip, ClipRings, Xy, clipped};
 use crate::{GridInfo, GridSource, OpenOptions, SampleType};
 use terrane_base::error::{ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs, Rect, plane};
@@ -162,14 +162,14 @@ proptest! {
         let clip = clip_of(&vec![vec![ring]], Crs::default());
         let mut found = Vec::new();
         let mut next = 0;
-        while let Some(edge) = clip.reaching(next, y.into()) {
+        while let Some(edge) = clip.areas.reaching(next, y.into()) {
             found.push(edge);
             next = edge + 1;
         }
-        let reach = |edge: &usize| clip.edges[*edge].high[1] >= y.into();
-        prop_assert_eq!(found, (0..clip.edges.len()).filter(reach).collect::<Vec<_>>());
-        let at = |y: f64| clip.edges.iter().filter(|e| e.low[1] <= y && y <= e.high[1]).count();
-        prop_assert_eq!(clip.most_at_once, (0..40).map(|y| at(f64::from(y))).max().unwrap());
+        let reach = |edge: &usize| clip.areas.edges[*edge].high[1] >= y.into();
+        prop_assert_eq!(found, (0..clip.areas.edges.len()).filter(reach).collect::<Vec<_>>());
+        let at = |y: f64| clip.areas.edges.iter().filter(|e| e.low[1] <= y && y <= e.high[1]).count();
+        prop_assert_eq!(clip.areas.most_at_once, (0..40).map(|y| at(f64::from(y))).max().unwrap());
     }
 }
 
@@ -179,9 +179,9 @@ fn a_window_is_done_with_the_edges_at_its_height() {
     let teeth = (0..40_000).flat_map(|i| [[5.0, f64::from(-i)], [2.0, -f64::from(i) - 0.5]]);
     let ring: Vec<Xy> = teeth.chain([[0.0, -40_000.0], [0.0, 0.0]]).collect();
     let clip = clip_of(&vec![vec![ring]], Crs::default());
-    assert!(clip.most_at_once <= 5, "{}", clip.most_at_once);
+    assert!(clip.areas.most_at_once <= 5, "{}", clip.areas.most_at_once);
     let mut rows = 0;
-    let scan = Scan::new(&clip, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
+    let scan = Scan::new(&clip.areas, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
     let _ = scan.rows(|_, inside| {
         rows += 1;
         assert_eq!(inside, [(0, 0..6)]);
