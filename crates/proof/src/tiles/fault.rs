@@ -15,18 +15,21 @@ pub enum Check {
     Levels,
     /// Spheres, horizons and ranges of heights.
     Containment,
+    /// Masks of water against polygons.
+    Water,
     /// Which tiles there are, and what `layer.json` says of them.
     Index,
 }
 
 impl Check {
     /// All of them with their names, in the order of reports.
-    pub const ALL: [(Self, &'static str); 6] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::Structure, "structure"),
         (Self::Samples, "samples"),
         (Self::Borders, "borders"),
         (Self::Levels, "levels"),
         (Self::Containment, "containment"),
+        (Self::Water, "water"),
         (Self::Index, "index"),
     ];
 }
@@ -83,6 +86,8 @@ faults! {
     Centre Containment "tiles whose centre is not near them";
     Horizon Containment "vertices that may be seen when the horizon occlusion point is not";
     Spikes Containment "tiles with vertices lower or higher than all samples";
+    NoMask Water "tiles without the mask of water that layer.json announces";
+    WrongMask Water "pixels of masks that are land in a polygon, or water outside";
     Missing Index "tiles that are not there and have samples";
     Superfluous Index "tiles that are there and have no sample";
     NoRoot Index "roots that are not there";

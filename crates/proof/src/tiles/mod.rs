@@ -18,6 +18,7 @@ mod meshopt;
 mod structure;
 mod subtree;
 mod tiling;
+mod water;
 
 pub use border::{Chain, gap, lattice};
 pub use contain::{About, between, contain};
@@ -29,6 +30,7 @@ pub use fault::{Check, Count, Fault, Faults};
 pub use structure::structure;
 pub use subtree::{MOST_SUBTREE_LEVELS, Schema, Subtree};
 pub use tiling::{MOST_LEVEL, Side, TileId, columns, rows};
+pub use water::{Bank, Pixels, Shore, UNCLEAR};
 
 /// What clients take for the error of level 0, in metres; each level has half of the one before.
 pub const ERROR_OF_ROOT: f64 = 77_067.34;

@@ -73,6 +73,8 @@ pub(super) struct Layer {
     pub(super) available: Vec<Vec<Range>>,
     pub(super) has_normals: bool,
     pub(super) has_metadata: bool,
+    /// Tiles have masks of water.
+    pub(super) has_water: bool,
     /// Levels from one whose tiles tell what is below them to the next, where there are such.
     pub(super) told_every: Option<u8>,
     /// By level, where terrane made it.
@@ -226,6 +228,7 @@ impl Stored {
             available,
             has_normals: announces("octvertexnormals"),
             has_metadata: announces("metadata"),
+            has_water: announces("watermask"),
             told_every: self.told_every,
             levels,
             assumed: ERROR_OF_ROOT,

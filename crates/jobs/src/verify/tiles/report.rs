@@ -9,7 +9,7 @@ use super::{Context, ROUNDING};
 use crate::figures::Figures;
 use crate::verify::found::Verdict;
 use terrane_base::geom::Crs;
-use terrane_proof::tiles::{Check, Fault, Faults, TileId};
+use terrane_proof::tiles::{Check, Fault, Faults, Pixels, TileId};
 
 /// Degrees by which bounds may miss a sample: they are written in decimals.
 const DEGREES: f64 = 1e-9;
@@ -63,7 +63,7 @@ pub struct TilesVerifyReport {
 /// What came of one thing that is proved.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CheckReport {
-    /// What: structure, samples, borders, levels, containment or index.
+    /// What: structure, samples, borders, levels, containment, water or index.
     pub check: &'static str,
     /// Nothing wrong was found.
     pub kept: bool,
@@ -136,11 +136,13 @@ pub(super) fn report(context: &Context<'_>, found: &Found, crs: &Crs) -> TilesVe
     let levels: Vec<_> = (0..=context.layer.finest).map(|level| judge.level(level)).collect();
     judge.levels(&levels, &mut faults);
     let checks: Vec<_> = Check::ALL
+        .into_iter()
+        .filter(|(check, _)| *check != Check::Water || context.layer.has_water)
         .map(|(check, name)| {
             let looked_at = judge.looked_at(check, &levels);
             CheckReport::new((check, name), &faults, context.layer, looked_at)
         })
-        .into();
+        .collect();
     let sum = |of: fn(&LevelReport) -> u64| levels.iter().map(of).sum();
     TilesVerifyReport {
         crs: crs.label(),
@@ -342,6 +344,10 @@ impl Judge<'_> {
                 sum(|level| level.coarser_alone)
             ),
             Check::Containment => format!("{} vertices", sum(|level| level.vertices)),
+            Check::Water => {
+                let Pixels { judged, unclear, .. } = self.found.alone.pixels;
+                format!("{judged} pixels, {unclear} more too near to a bank to tell")
+            }
             Check::Index => format!("{}, {files} files", self.context.layer.name()),
         }
     }
@@ -365,6 +371,9 @@ impl Judge<'_> {
 
     fn not_judged(&self) -> Vec<String> {
         let mut not = Vec::new();
+        if self.context.layer.has_water && self.context.shore.is_none() {
+            not.push("masks of water, as no file of it was named: pass --water".to_owned());
+        }
         if self.context.layer.levels.is_none() {
             not.push(
                 "whether heights are on one lattice, as layer.json states no steps".to_owned(),

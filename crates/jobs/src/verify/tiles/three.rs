@@ -160,6 +160,7 @@ impl Stored {
             available,
             has_normals: own.normals,
             has_metadata: false,
+            has_water: false,
             told_every: None,
             levels: Some(levels),
             assumed: west.geometric_error.min(east.geometric_error),
