@@ -12,6 +12,7 @@
 //! Whatever is made depends on the grid and the options alone: at once, or by a plan whose tasks look, make regions,
 //! and make what is above them. Files are put into a folder that appears whole.
 
+mod cloud;
 mod division;
 mod far;
 mod folder;
@@ -41,6 +42,8 @@ use crate::reading::Reading;
 use crate::sift::Skipped;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
+pub(crate) use cloud::Made as MadeModel;
+pub use cloud::{GroundModel, Kept, run_cloud};
 use division::Division;
 use folder::Folder;
 use mask::Mask;

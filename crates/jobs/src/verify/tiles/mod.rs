@@ -25,6 +25,7 @@ use self::place::Places;
 use crate::figures::Figures;
 use crate::memory::{beside_program, cache_beside};
 use crate::reading::Reading;
+use crate::tiles::GroundModel;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_proof::tiles::{BYTES_PER_VERTEX, Shore, Tile, TileId};
@@ -107,6 +108,25 @@ pub fn verify_tiles(
     report.run = Figures { threads: context.threads, ..figures };
     report.samples_per_second = report.run.rate(report.measured);
     Ok(report)
+}
+
+/// Proves a set of tiles of a cloud against the model of its ground, which is made again in the folder for what does
+/// not fit into memory, or beside the set; the raster of the job is not looked at. What is promised is about samples
+/// of the model: how far points are from them, nobody says.
+///
+/// # Errors
+/// Those of [`verify_tiles`], and of making the model.
+pub fn verify_tiles_of_cloud(
+    model: &GroundModel,
+    job: &TilesVerifyJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesVerifyReport> {
+    check_memory(&job.resources)?;
+    let made = model.make(&job.tiles, &job.resources, progress, cancel)?;
+    let job = TilesVerifyJob { raster: made.inputs.clone(), ..job.clone() };
+    let report = verify_tiles(&job, progress, cancel).map_err(|error| made.renamed(error))?;
+    Ok(TilesVerifyReport { notes: [made.notes, report.notes].concat(), ..report })
 }
 
 fn check_memory(resources: &Resources) -> Result<()> {
