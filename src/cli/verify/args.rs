@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::bound::Bound;
-use crate::cli::shared::{args, bands, many, names, parse, points};
+use crate::cli::shared::{args, bands, ground, many, names, parse, points};
 use crate::error::{Error, Result};
 use crate::jobs::line::Length;
 
