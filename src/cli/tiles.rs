@@ -71,6 +71,10 @@ pub(super) struct Wanted {
     /// clients have to know the extension
     #[arg(long, help_heading = "Tiles")]
     meshopt: bool,
+    /// Hang a skirt from the sides of each tile of 3D Tiles, as deep as borders of its level and of the next coarser
+    /// one may differ, so that viewers without skirts of their own show no gap between levels
+    #[arg(long, help_heading = "Tiles")]
+    skirts: bool,
     /// The deepest level [default: the first whose tiles have at most 64 samples along a side]
     #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
           help_heading = "Tiles")]
@@ -102,6 +106,7 @@ impl Wanted {
             formats: self.format.clone(),
             tile_edges: self.tile_edges,
             meshopt: self.meshopt,
+            skirts: self.skirts,
             water_mask: self.water_mask,
             max_level: self.max_level,
             normals: !self.no_normals,

@@ -93,6 +93,13 @@ impl<'a> TilesBuilder<'a> {
         self
     }
 
+    /// Hang a skirt from the sides of each tile of 3D Tiles, as deep as borders of its level and of the next coarser one
+    /// may differ.
+    pub fn skirts(mut self, skirts: bool) -> Self {
+        self.job.skirts = skirts;
+        self
+    }
+
     /// Tell in each tile of quantized-mesh which of its 256 x 256 pixels are water (the extension `watermask`): those
     /// whose middle lies in a polygon of the file of [`Grid::water`].
     pub fn water_mask(mut self, mask: bool) -> Self {

@@ -25,6 +25,7 @@ mod level;
 mod measure;
 mod overview;
 mod parts;
+mod skirt;
 mod subtree;
 mod surface;
 #[cfg(test)]

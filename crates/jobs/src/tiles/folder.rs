@@ -77,8 +77,8 @@ impl Made {
                 (quantized_mesh(tile, normals, extras)?, None)
             }
             Format::ThreeTiles => {
-                let (bytes, facts) =
-                    glb(tile, normals, Form { edges: job.tile_edges, meshopt: job.meshopt })?;
+                let (edges, meshopt, skirt) = (job.tile_edges, job.meshopt, level.skirt);
+                let (bytes, facts) = glb(tile, normals, Form { edges, meshopt, skirt })?;
                 (bytes, Some(facts))
             }
         };
@@ -241,6 +241,7 @@ fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
             tolerance: level_error(*level),
             step: of_level.step,
             lattice: of_level.lattice,
+            skirt: (of_level.skirt > 0).then(|| of_level.skirt_depth()),
             error: row.largest,
             tiles: held.known.level(*level).count(),
             vertices: row.vertices,

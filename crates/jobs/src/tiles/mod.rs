@@ -86,6 +86,9 @@ pub struct TilesJob {
     /// Compress what is in a tile of 3D Tiles (EXT_meshopt_compression).
     #[serde(default)]
     pub meshopt: bool,
+    /// Hang a skirt from the sides of each tile of 3D Tiles.
+    #[serde(default)]
+    pub skirts: bool,
     /// Tell of each tile of quantized-mesh which pixels are water, of the polygons of `reading.water`.
     #[serde(default)]
     pub water_mask: bool,
@@ -112,6 +115,7 @@ impl TilesJob {
             formats: vec![Format::QuantizedMesh],
             tile_edges: false,
             meshopt: false,
+            skirts: false,
             water_mask: false,
             max_level: None,
             normals: true,
@@ -326,8 +330,7 @@ fn without_tile(error: Error) -> Error {
 
 impl<'a> Ground<'a> {
     fn new(opened: &'a Opened, overview: &'a Overview) -> Result<Self> {
-        let meshopt = opened.job.meshopt;
-        let of_set = |format: &Format| levels((*format, meshopt), &opened.division, overview.range);
+        let of_set = |format: &Format| levels(*format, opened, overview.range);
         let levels = opened.job.formats.iter().map(of_set).collect::<Result<_>>()?;
         Ok(Self { opened, overview, levels })
     }
@@ -407,6 +410,11 @@ fn check_formats(job: &TilesJob) -> Result<()> {
     let options = [
         (job.tile_edges, "edges of tiles belong", "--tile-edges"),
         (job.meshopt, "compressed meshes belong", "--meshopt"),
+        (
+            job.skirts,
+            "clients of quantized-mesh hang skirts of their own from the sides that tiles list: those of tiles belong",
+            "--skirts",
+        ),
     ];
     let is_of_others = !job.formats.contains(&Format::ThreeTiles);
     if let Some((_, what, option)) = options.iter().find(|(is, ..)| *is && is_of_others) {
@@ -424,19 +432,19 @@ fn check_formats(job: &TilesJob) -> Result<()> {
     Ok(())
 }
 
-/// The levels of a set, whose tiles may be compressed.
-fn levels(
-    (format, meshopt): (Format, bool),
-    division: &Division,
-    range: [f64; 2],
-) -> Result<Vec<Level>> {
+/// The levels of a set, of heights in a range.
+fn levels(format: Format, opened: &Opened, range: [f64; 2]) -> Result<Vec<Level>> {
+    let Opened { job: TilesJob { meshopt, skirts, .. }, division, .. } = opened;
     let reach = range[0].abs().max(range[1].abs());
     let level = |level: u8| {
         let level = Level::new(level, division.place.spacing, reach)?;
         match format {
             Format::QuantizedMesh => Ok(level),
-            Format::ThreeTiles if meshopt => level.on_lattice(range).map(in_shorts),
-            Format::ThreeTiles => level.on_lattice(range),
+            Format::ThreeTiles => {
+                let level = if *skirts { level.with_skirts() } else { level };
+                let level = level.on_lattice(range)?;
+                Ok(if *meshopt { in_shorts(level) } else { level })
+            }
         }
     };
     (0..=division.last).map(level).collect()

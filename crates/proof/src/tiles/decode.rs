@@ -3,6 +3,7 @@
 
 use super::contain::About;
 use super::fault::Fault;
+use super::skirt::Skirt;
 use super::tiling::{Side, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -37,6 +38,8 @@ pub struct Tile {
     pub metadata: Option<Vec<u8>>,
     /// Earth-centred vertices, where a tile holds such.
     pub placed: Vec<[f64; 3]>,
+    /// What hangs from its sides.
+    pub skirt: Skirt,
     /// What was found wrong while it was read, and how often.
     pub faults: Vec<(Fault, u64)>,
 }

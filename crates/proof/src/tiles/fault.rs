@@ -66,6 +66,8 @@ faults! {
     NoMetadata Structure "tiles without the metadata that layer.json announces";
     NoEdges Structure "tiles without the edges that layer.json announces";
     WalkedOtherwise Structure "lists of the vertices of a side that do not run around the tile";
+    SkirtTorn Structure "edges where a skirt is torn from the rim of its tile, or itself";
+    SkirtDepth Structure "vertices of skirts that are not as far straight below the rim as layer.json says";
     OffPlace Structure "vertices that are not where their place in the tile and a height of the level put them";
     Ends Structure "tiles whose positions have other ends than they say";
     OverTolerance Samples "samples further from the surface than the tolerance of the level";
@@ -78,6 +80,7 @@ faults! {
     OffCoordinates Borders "vertices whose coordinates are no whole numbers of the lattice of the level";
     WrongStep Borders "tiles whose own step of heights is no part of the step of the level";
     Gaps Levels "borders with a larger gap to the next coarser level than both tolerances allow";
+    SkirtShort Levels "levels whose skirts are less deep than borders of it and the coarser one may differ";
     Sphere Containment "vertices outside of the bounding sphere";
     Range Containment "tiles whose least height is above the largest";
     Heights Containment "triangles lower or higher than the tile says";

@@ -190,7 +190,9 @@ impl Looker<'_> {
             return None;
         };
         let about = *three.about(id)?;
-        contain(id, &about, tile.centre, positions, faults);
+        let hanging = tile.skirt.triangles.as_flattened();
+        let all = [positions, hanging].concat();
+        contain(id, &about, tile.centre, &all, faults);
         between(id, &about, tile, positions, faults);
         Some(about)
     }

@@ -315,6 +315,9 @@ impl Judge<'_> {
             let Some(own) = self.context.layer.own(found.level) else { continue };
             let is_larger = found.max_error.is_some_and(|error| error > own.error + ROUNDING);
             faults.add(Fault::LevelError, u64::from(is_larger), id.copied());
+            let allowed = self.context.allowed_gap(found.level) - 2.0 * ROUNDING;
+            let is_short = own.skirt.is_some_and(|skirt| skirt < allowed);
+            faults.add(Fault::SkirtShort, u64::from(is_short), id.copied());
             faults.add(Fault::Counts, u64::from(own.tiles != found.tiles), id.copied());
         }
     }
