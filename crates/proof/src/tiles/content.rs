@@ -168,9 +168,11 @@ impl Content {
             (Fault::NoEdges, u64::from(lacks_edges)),
             (Fault::WalkedOtherwise, self.walked_otherwise(&vertices)),
         ];
+        let is_rim =
+            |number: &u32| apart.as_ref().is_none_or(|apart| !apart.is_low[*number as usize]);
         let on_side = |side: Side| {
             let all = (0..).zip(&vertices).filter(|(_, vertex)| Tile::is_on(**vertex, side));
-            all.map(|(number, _)| number).collect()
+            all.map(|(number, _)| number).filter(is_rim).collect()
         };
         let low = lowest * step;
         let tile = Tile {
