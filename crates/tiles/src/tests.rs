@@ -273,7 +273,7 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
                 });
                 assert!(tile.measure.largest <= level.tolerance);
                 let (bytes, facts) =
-                    glb(&tile, none, Form { edges: true, meshopt: false }).unwrap();
+                    glb(&tile, none, Form { edges: true, ..Form::default() }).unwrap();
                 let found = decoded(&bytes, tile.vertices.len());
                 let bits = |point: &Vector| point.0.map(f64::to_bits);
                 let mut own: Vec<_> = tile.vertices.iter().map(|v| bits(&tile.point(*v))).collect();

@@ -42,7 +42,6 @@ use crate::reading::Reading;
 use crate::sift::Skipped;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
-pub(crate) use cloud::Made as MadeModel;
 pub use cloud::{GroundModel, Kept, run_cloud};
 use division::Division;
 use folder::Folder;

@@ -154,6 +154,46 @@ proptest! {
     }
 
     #[test]
+    fn parts_of_areas_tell_of_a_box_what_all_do(
+        features in features(),
+        map in prop::sample::select(MAPS[..4].to_vec()),
+        [col, row, width, height] in [0..SIDE, 0..SIDE, 1..SIDE, 1..SIDE],
+        inner in [0..4u32, 0..4u32],
+    ) {
+        let features = placed(&features, &map);
+        let all = clip_of(&features, Crs::default()).areas.clone();
+        // Of a box, and of one in it, whose borders samples lie on.
+        let rows = |areas: &Areas, [col, row]: [u32; 2], size: [u32; 2]| {
+            let from = map.shifted(f64::from(col), f64::from(row));
+            let mut found = vec![Vec::new(); size[1] as usize];
+            areas.rows(from, size, |row, runs| found[row as usize] = runs.to_vec());
+            found
+        };
+        // Of the very positions that are asked for.
+        let box_of = |[col, row]: [u32; 2], size: [u32; 2]| {
+            let from = map.shifted(f64::from(col), f64::from(row));
+            let last = size.map(|count| f64::from(count - 1));
+            let ends = [from.apply(0.0, 0.0), from.apply(last[0], last[1])];
+            let side = |axis: usize| {
+                [ends[0][axis].min(ends[1][axis]), ends[0][axis].max(ends[1][axis])]
+            };
+            let ([west, east], [south, north]) = (side(0), side(1));
+            [west, south, east, north]
+        };
+        let part = all.within(box_of([col, row], [width, height]));
+        prop_assert!(part.edges.len() <= all.edges.len());
+        prop_assert_eq!(rows(&part, [col, row], [width, height]), rows(&all, [col, row], [width, height]));
+        // A box in it, whose borders rounding may move by a hair beyond it.
+        let near = [col + inner[0].min(width - 1), row + inner[1].min(height - 1)];
+        let less = [col + width - near[0], row + height - near[1]];
+        let [outer, own] = [box_of([col, row], [width, height]), box_of(near, less)];
+        if own[0] >= outer[0] && own[1] >= outer[1] && own[2] <= outer[2] && own[3] <= outer[3] {
+            let parts = part.within(own);
+            prop_assert_eq!(rows(&parts, near, less), rows(&all, near, less));
+        }
+    }
+
+    #[test]
     fn no_edge_at_a_height_is_passed_over(
         ends in prop::collection::vec([0i32..40, 0i32..40], 3..700),
         y in -1i32..41,
