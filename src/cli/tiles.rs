@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::atomic;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{
-    Outcome, args, check, ground, lists, many, names, points, report, text,
-};
+use crate::cli::shared::{Outcome, args, check, ground, lists, many, names, points, report, text};
 use crate::cloud;
 use crate::error::Result;
 use crate::jobs::Cancel;

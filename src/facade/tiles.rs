@@ -150,8 +150,10 @@ impl<'a> TilesBuilder<'a> {
                 .remedy("leave overwrite out"));
         }
         if matches!(self.of, Of::Cloud(..)) {
-            return Err(Error::usage("tiles of a cloud are those of a model, which is planned first")
-                .remedy("plan a grid of it, run that, and plan the tiles of the grid"));
+            return Err(Error::usage(
+                "tiles of a cloud are those of a model, which is planned first",
+            )
+            .remedy("plan a grid of it, run that, and plan the tiles of the grid"));
         }
         let folder = folder.into();
         let job = self.job(folder.join("tiles"))?;

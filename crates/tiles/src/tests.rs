@@ -218,7 +218,10 @@ fn bytes_are_those_of_the_format() {
     let text = String::from_utf8_lossy(&bytes[edges + 5 + 2 * count..]).into_owned();
     assert!(text.ends_with('}') && text.contains(r#"{"error":"#), "{text}");
     let none: Option<(&Level, &Patch<'_>)> = None;
-    assert_eq!(quantized_mesh(&tile, none, Extras::default()).unwrap().len(), bytes.len() - 5 - 2 * count);
+    assert_eq!(
+        quantized_mesh(&tile, none, Extras::default()).unwrap().len(),
+        bytes.len() - 5 - 2 * count
+    );
 }
 
 /// Also where meridians meet, far beyond the land.

@@ -141,7 +141,7 @@ impl GroundModel {
         let job = GridJob { preset: None, ground: GroundFrom::Auto, cloud, ..job };
         let path = folder.join(MODEL);
         let plan = PlanGridJob {
-            job: GridJob { output: path.clone(), ..job },
+            job: GridJob { output: path.clone(), overwrite: true, ..job },
             folder: folder.clone(),
             cut: None,
             skipped: kept.skipped.to_vec(),

@@ -54,9 +54,8 @@ impl Mask {
             match &on_globe {
                 OnGlobe::Straight(_) => brought.extend_from_slice(ring),
                 OnGlobe::Moved(_, operation) => {
-                    bring(ring, off, |at| operation.position(at), &mut brought).map_err(|e| {
-                        of_file(e).remedy("cut it to the area of the grid")
-                    })?;
+                    bring(ring, off, |at| operation.position(at), &mut brought)
+                        .map_err(|e| of_file(e).remedy("cut it to the area of the grid"))?;
                 }
             }
             bytes += brought.len() as u64 * ClipRings::EDGE_BYTES;
@@ -87,8 +86,14 @@ impl Mask {
         }
         let Bounds { west, north, .. } = id.bounds();
         let side = degrees(id.level) / f64::from(MASK_SIDE);
-        let map =
-            Affine { x0: west + side / 2.0, a: side, b: 0.0, y0: north - side / 2.0, d: 0.0, e: -side };
+        let map = Affine {
+            x0: west + side / 2.0,
+            a: side,
+            b: 0.0,
+            y0: north - side / 2.0,
+            d: 0.0,
+            e: -side,
+        };
         let mut pixels = vec![0; (MASK_SIDE * MASK_SIDE) as usize];
         areas.rows(map, [MASK_SIDE; 2], |row, runs| {
             let row = &mut pixels[(row * MASK_SIDE) as usize..][..MASK_SIDE as usize];
@@ -109,7 +114,8 @@ fn within(areas: &Areas, id: TileId) -> Areas {
 fn meets(ring: &[Xy], [west, south, east, north]: [f64; 4]) -> bool {
     let ends = |axis: usize| {
         let along = ring.iter().map(|at| at[axis]);
-        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+        along
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
     };
     let ([x0, x1], [y0, y1]) = (ends(0), ends(1));
     x0 <= east && x1 >= west && y0 <= north && y1 >= south
@@ -154,4 +160,68 @@ fn too_many(bytes: u64) -> Error {
     let mib = bytes.div_ceil(1 << 20);
     Error::new(ErrorKind::Resource, format!("its sides take more than {mib} MiB for a mask"))
         .remedy("raise --memory, pass a smaller --max-level, or simplify it with terrane line")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::wkt;
+    use terrane_raster::{SampleType, WaterFeatures};
+
+    const DEEPEST: u8 = 13;
+
+    /// Sides of 200 km, which bow by hundreds of metres where they are brought to longitudes and latitudes.
+    #[test]
+    fn pixels_are_what_each_is_in_the_system_of_the_grid() {
+        let crs = wkt::of_srs("EPSG:32631");
+        let transform =
+            Affine { x0: 499_000.0, a: 30.0, b: 0.0, y0: 4_740_000.0, d: 0.0, e: -30.0 };
+        let plain = GridInfo::plain("g", 300, 300, SampleType::F32);
+        let info = GridInfo { transform, georeferenced: true, crs: crs.clone(), ..plain };
+        let corners =
+            [[400_000.0, 4_600_000.0], [650_000.0, 4_733_000.0], [480_000.0, 4_900_000.0]];
+        let mut features = WaterFeatures::default();
+        features.begin_area().unwrap();
+        features.push_ring(&[corners[0], corners[1], corners[2], corners[0]]).unwrap();
+        // One beside the grid is left out, wherever it is.
+        features.begin_area().unwrap();
+        features.push_ring(&[[1e7, 2e7], [1.1e7, 2e7], [1e7, 3e7], [1e7, 2e7]]).unwrap();
+        let water = Water::new(features, std::path::Path::new("lakes.wkt"), crs);
+        let mask = Mask::of(&water, &info, DEEPEST, &Resources::default()).unwrap();
+        let (OnGlobe::Moved(_, operation), _) = OnGlobe::of(&info).unwrap() else { panic!() };
+        let back = operation.inverse();
+        // Metres within, at the nearest side.
+        let depth = |[x, y]: Xy| {
+            let of = |k: usize| {
+                let ([ax, ay], [bx, by]) = (corners[k], corners[(k + 1) % 3]);
+                ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / (bx - ax).hypot(by - ay)
+            };
+            of(0).min(of(1)).min(of(2))
+        };
+        let (mut kinds, mut looked) = ([0, 0], 0);
+        for level in [6, 9, DEEPEST] {
+            // On the middles of sides, where they bow most.
+            for k in 0..3 {
+                let middle = along([corners[k], corners[(k + 1) % 3]], 0.5);
+                let [lon, lat] = operation.position(middle).unwrap();
+                let [x, y] = [lon + 180.0, lat + 90.0].map(|at| (at / degrees(level)) as u32);
+                let id = TileId { level, x, y };
+                let pixels = mask.near(id).pixels(id);
+                assert_eq!(pixels, mask.pixels(id));
+                let side = degrees(level) / f64::from(MASK_SIDE);
+                for i in (0..pixels.len()).step_by(3).filter(|_| pixels.len() > 1) {
+                    let [col, row] = [i % 256, i / 256].map(|at| (at as f64 + 0.5) * side);
+                    let Bounds { west, north, .. } = id.bounds();
+                    let depth = depth(back.position([west + col, north - row]).unwrap());
+                    // Two hundredths of the smallest pixel.
+                    if depth.abs() > degrees(DEEPEST) / 256.0 * 111_320.0 * 0.02 {
+                        assert_eq!(pixels[i] == MASK_WATER, depth > 0.0, "{id:?} {i} {depth}");
+                        kinds[usize::from(depth > 0.0)] += 1;
+                        looked += 1;
+                    }
+                }
+            }
+        }
+        assert!(kinds.iter().all(|count| *count > 20_000), "{kinds:?} {looked}");
+    }
 }

@@ -157,7 +157,8 @@ impl Content {
         let lacks_edges = has_edges && self.sides.is_none();
         let apart = skirt.map(|_| Apart::of(&found, &self.triangles));
         let depth = skirt.map(|depth| depth / step);
-        let off_depth = apart.iter().zip(depth).map(|(apart, depth)| apart.off_depth(&found, depth)).sum();
+        let off_depth =
+            apart.iter().zip(depth).map(|(apart, depth)| apart.off_depth(&found, depth)).sum();
         let faults = vec![
             (Fault::SkirtDepth, off_depth),
             (Fault::SkirtTorn, apart.iter().map(Apart::torn).sum()),

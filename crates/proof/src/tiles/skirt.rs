@@ -42,7 +42,8 @@ impl Apart {
 
     /// Vertices of the skirt that are not so many steps straight below one of the rim.
     pub(super) fn off_depth(&self, places: &[Place], depth: f64) -> u64 {
-        let rim = || self.is_low.iter().zip(places).filter(|(low, _)| !**low).map(|(_, place)| *place);
+        let rim =
+            || self.is_low.iter().zip(places).filter(|(low, _)| !**low).map(|(_, place)| *place);
         let heights: HashMap<[u16; 2], f64> = rim().collect();
         let is_off = |(low, (at, height)): &(&bool, &Place)| {
             **low && heights.get(at).is_none_or(|above| above - height != depth)
@@ -62,7 +63,8 @@ impl Apart {
             counts
         };
         let open = |counts: &HashMap<[u32; 2], u32>| -> Vec<[u32; 2]> {
-            let is_open = |[a, b]: &[u32; 2]| counts[&[*a, *b]] != 1 || counts.get(&[*b, *a]) != Some(&1);
+            let is_open =
+                |[a, b]: &[u32; 2]| counts[&[*a, *b]] != 1 || counts.get(&[*b, *a]) != Some(&1);
             counts.keys().copied().filter(is_open).collect()
         };
         let rim = open(&count(&[&self.surface])).len() as u64;

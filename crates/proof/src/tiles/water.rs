@@ -74,9 +74,8 @@ impl Shore {
     /// Of all sides of all polygons, each of whose rings is closed.
     pub fn new(banks: Vec<Bank>) -> Self {
         let ends = banks.iter().flat_map(|bank| bank.ends.map(|end| end[0]));
-        let [west, east] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
-            [low.min(x), high.max(x)]
-        });
+        let [west, east] = ends
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
         let across: f64 = banks.iter().map(|bank| bank.ends[1][0] - bank.ends[0][0]).sum();
         let fewest = across / (STRIPS[1] * banks.len().max(1) as f64);
         let width = ((east - west) / STRIPS[0]).max(fewest).max(f64::MIN_POSITIVE);
@@ -92,7 +91,8 @@ impl Shore {
 
     /// Bytes that they take.
     pub fn bytes(&self) -> u64 {
-        self.banks.len() as u64 * Bank::BYTES + self.strips.len() as u64 * size_of::<Vec<u32>>() as u64
+        self.banks.len() as u64 * Bank::BYTES
+            + self.strips.len() as u64 * size_of::<Vec<u32>>() as u64
     }
 
     fn strip(&self, x: f64) -> usize {

@@ -79,14 +79,21 @@ impl Areas {
     /// Shows for each row of a lattice of so many columns and rows, by its number, the columns that lie in a polygon
     /// or on its border, in order and apart. `map` takes columns and rows to places; rows come in an order of their
     /// own.
-    pub fn rows(&self, map: Affine, [width, height]: [u32; 2], mut see: impl FnMut(u32, &[Range<u32>])) {
+    pub fn rows(
+        &self,
+        map: Affine,
+        [width, height]: [u32; 2],
+        mut see: impl FnMut(u32, &[Range<u32>]),
+    ) {
         let mut runs = Vec::new();
-        let _ = Scan::new(self, map, Rect::new(0, 0, width, height)).rows(|row, inside: &[Labelled]| {
-            runs.clear();
-            runs.extend(inside.iter().map(|(_, run)| run.clone()));
-            see(row, &runs);
-            ControlFlow::<()>::Continue(())
-        });
+        let _ = Scan::new(self, map, Rect::new(0, 0, width, height)).rows(
+            |row, inside: &[Labelled]| {
+                runs.clear();
+                runs.extend(inside.iter().map(|(_, run)| run.clone()));
+                see(row, &runs);
+                ControlFlow::<()>::Continue(())
+            },
+        );
     }
 
     /// Bytes of their edges alone.

@@ -12,8 +12,8 @@ use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_files::lock;
 use terrane_proof::tiles::{
-    About, Chain, Facets, Fault, Faults, Pixels, Side, Tile, TileId, between, contain, gap, lattice,
-    structure,
+    About, Chain, Facets, Fault, Faults, Pixels, Side, Tile, TileId, between, contain, gap,
+    lattice, structure,
 };
 
 /// Tiles that a thread takes at a time, along a row.

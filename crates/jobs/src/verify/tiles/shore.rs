@@ -43,7 +43,8 @@ pub(super) fn shore(
         }
         for side in ring.windows(2) {
             let to = |part: f64| {
-                let at = [0, 1].map(|axis: usize| side[0][axis] + (side[1][axis] - side[0][axis]) * part);
+                let at = [0, 1]
+                    .map(|axis: usize| side[0][axis] + (side[1][axis] - side[0][axis]) * part);
                 places.bring(at).map_err(of_file)
             };
             let parts = parts([to(0.0)?, to(0.25)?, to(0.5)?, to(0.75)?, to(1.0)?], off);
@@ -54,7 +55,8 @@ pub(super) fn shore(
             }
             let mut last = to(0.0)?;
             for part in 1..=parts {
-                let next = if part == parts { to(1.0)? } else { to(f64::from(part) / f64::from(parts))? };
+                let next =
+                    if part == parts { to(1.0)? } else { to(f64::from(part) / f64::from(parts))? };
                 banks.push(Bank::new(last, next, polygon));
                 last = next;
             }
@@ -68,7 +70,8 @@ fn parts(places: [[f64; 2]; 5], off: f64) -> u32 {
     let [first, .., last] = places;
     let apart = |(number, place): (usize, [f64; 2])| {
         let part = number as f64 / 4.0;
-        let [x, y] = [0, 1].map(|axis: usize| first[axis] + (last[axis] - first[axis]) * part - place[axis]);
+        let [x, y] =
+            [0, 1].map(|axis: usize| first[axis] + (last[axis] - first[axis]) * part - place[axis]);
         x.hypot(y)
     };
     let worst = places.into_iter().enumerate().map(apart).fold(0.0, f64::max);
