@@ -375,7 +375,7 @@ impl Judge<'_> {
     fn not_judged(&self) -> Vec<String> {
         let mut not = Vec::new();
         if self.context.layer.has_water && self.context.shore.is_none() {
-            not.push("masks of water, as no file of it was named: pass --water".to_owned());
+            not.push("masks of water, as no file of it was named".to_owned());
         }
         if self.context.layer.levels.is_none() {
             not.push(
@@ -390,6 +390,13 @@ impl Judge<'_> {
     fn notes(&self) -> Vec<String> {
         let unknown = !self.context.places.knows_unit;
         let note = "the raster does not say what its heights are in: they are taken for metres";
-        self.context.places.notes.iter().cloned().chain(unknown.then(|| note.to_owned())).collect()
+        let is_dry = self.context.layer.has_water && self.context.shore.is_none();
+        let of_water =
+            "tiles tell of water, which is level in them: pass --water with the file of it";
+        let found = self.context.places.notes.iter().cloned();
+        found
+            .chain(unknown.then(|| note.to_owned()))
+            .chain(is_dry.then(|| of_water.to_owned()))
+            .collect()
     }
 }
