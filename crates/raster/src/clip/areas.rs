@@ -45,7 +45,7 @@ impl Areas {
 
     /// What of them tells about places in a box, its borders included (x and y low, x and y high): edges that come
     /// near it, and for all that lie west of it as few upright ones as count crossings alike. So that many boxes in
-    /// a box cost what is in that, take parts of parts.
+    /// a box cost what is in that, take parts of parts. Rows have to run to the east: crossings are counted from the west.
     #[must_use]
     pub fn within(&self, [west, south, east, north]: [f64; 4]) -> Self {
         // Further than rounding, whatever the size; what is beyond the box is not asked for.

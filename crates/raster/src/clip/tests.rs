@@ -156,7 +156,8 @@ proptest! {
     #[test]
     fn parts_of_areas_tell_of_a_box_what_all_do(
         features in features(),
-        map in prop::sample::select(MAPS[..4].to_vec()),
+        // Whose rows run to the east.
+        map in prop::sample::select(vec![MAPS[0], MAPS[1], MAPS[3]]),
         [col, row, width, height] in [0..SIDE, 0..SIDE, 1..SIDE, 1..SIDE],
         inner in [0..4u32, 0..4u32],
     ) {
