@@ -74,3 +74,55 @@ impl Apart {
         left.len() as u64 - ends + rim.abs_diff(ends)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DEPTH: f64 = 3.0;
+
+    /// A square with a vertex in its middle, and a skirt: places and triangles.
+    fn square() -> (Vec<Place>, Vec<[u32; 3]>) {
+        let corners = [[0, 0], [LAST, 0], [LAST, LAST], [0, LAST]];
+        let heights = [5.0, 7.0, 6.0, 9.0];
+        let rim = corners.into_iter().zip(heights);
+        let low = rim.clone().map(|(at, height)| (at, height - DEPTH));
+        let places = rim.chain([([99, 99], 4.0)]).chain(low).collect();
+        let around = (0..4).flat_map(|a| {
+            let b = (a + 1) % 4;
+            [[a, b, 4], [b, a, a + 5], [b, a + 5, b + 5]]
+        });
+        (places, around.collect())
+    }
+
+    #[test]
+    fn a_skirt_is_told_from_the_surface() {
+        let (places, triangles) = square();
+        let apart = Apart::of(&places, &triangles);
+        assert_eq!((apart.surface.len(), apart.hanging.len()), (4, 8));
+        assert_eq!(apart.is_low, [false, false, false, false, false, true, true, true, true]);
+        assert_eq!((apart.torn(), apart.off_depth(&places, DEPTH)), (0, 0));
+        assert_eq!(apart.off_depth(&places, DEPTH + 1.0), 4);
+    }
+
+    #[test]
+    fn whatever_is_torn_off_or_moved_is_found() {
+        let (places, triangles) = square();
+        for gone in (0..triangles.len()).filter(|i| i % 3 > 0) {
+            let mut left = triangles.clone();
+            left.remove(gone);
+            assert!(Apart::of(&places, &left).torn() > 0, "{gone}");
+            let mut turned = triangles.clone();
+            turned[gone].swap(0, 1);
+            assert!(Apart::of(&places, &turned).torn() > 0, "{gone}");
+        }
+        for moved in 5..9 {
+            let mut places = places.clone();
+            places[moved].1 += 1.0;
+            assert_eq!(Apart::of(&places, &triangles).off_depth(&places, DEPTH), 1);
+        }
+        // None at all.
+        let surface: Vec<_> = triangles.iter().copied().step_by(3).collect();
+        assert_eq!(Apart::of(&places, &surface).torn(), 4);
+    }
+}
