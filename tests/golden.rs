@@ -358,6 +358,15 @@ fn jobs() -> Vec<String> {
         add(format!("tiles ../in/voids.asc o --format 3dtiles{how}"));
     }
     add("tiles ../in/degrees.asc o --no-gzip --clip ../in/areas.wkt".into());
+    for how in ["--skirts", "--skirts --meshopt --tile-edges"] {
+        add(format!("tiles ../in/voids.asc o --format 3dtiles {how}"));
+    }
+    for (grid, water) in [("degrees.asc", "areas.wkt"), ("rough.tif", "water.wkt")] {
+        let water = format!("--water ../in/{water} --water-mask");
+        add(format!("tiles ../in/{grid} o --max-level 14 --no-gzip {water}"));
+    }
+    add("tiles ../in/dense.laz o --max-level 16".into());
+    add("tiles ../in/steep.laz o --cell 2 --class 2 --max-level 16".into());
     add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs

@@ -84,7 +84,7 @@ impl<'a> Carrier<'a> {
             encoding: encoding(&origins, format)?,
             source: only.map_or(0, |header| header.source),
             system: only.map_or_else(String::new, |header| header.system.clone()),
-            extra_bytes: extra.bytes() as u16,
+            extra_bytes: fitting(format, &extra)?,
             vlrs: described(&extra).into_iter().chain(vlrs).collect(),
         };
         notes.extend(left_out(&origins, format, packing));
@@ -107,7 +107,12 @@ impl<'a> Carrier<'a> {
 
     /// Bytes of a record.
     pub fn size(&self) -> usize {
-        self.format.size() + usize::from(self.carried.extra_bytes)
+        self.format.size() + self.extra_bytes()
+    }
+
+    /// How many of these are extra bytes.
+    pub fn extra_bytes(&self) -> usize {
+        self.carried.extra_bytes.into()
     }
 
     /// A file with these records, or with them as they are in another frame and system.
@@ -183,6 +188,18 @@ impl Extra {
         }
         Ok(all)
     }
+}
+
+/// The extra bytes, where a record can have so many.
+fn fitting(format: PointFormat, extra: &Extra) -> Result<u16> {
+    let (bytes, most) = (extra.bytes(), usize::from(u16::MAX) - format.size());
+    if bytes <= most {
+        return Ok(bytes as u16);
+    }
+    Err(Error::unsupported(format!(
+        "the files have {bytes} extra bytes together, and a record may have {most}"
+    ))
+    .remedy("write some of them on their own"))
 }
 
 fn described(extra: &Extra) -> Option<Record> {

@@ -105,8 +105,10 @@ pub struct TranslateReport {
     pub notes: Vec<String>,
 }
 
-/// Memory of a thread for reading, beside the records it hands on.
+/// Memory of a thread for reading, beside the records it hands on; and more for each extra byte, as a compressed one
+/// has models of its own in every channel of a scanner.
 const READING: u64 = 4 << 20;
+const READING_EXTRA: u64 = 4 << 10;
 /// Chunks that a thread holds while it packs one: its records, the same compressed, and the compressor's.
 const PACKING: u64 = 4;
 /// Most bytes of the records of a round, for each thread.
@@ -126,10 +128,10 @@ struct Shares {
 }
 
 impl Shares {
-    /// For records of so many bytes, beside so many that what is looked at before needs.
-    fn new(resources: &Resources, record: usize, needed: u64) -> Result<Self> {
+    /// For records of so many bytes, some of them extra, beside so many that what is looked at before needs.
+    fn new(resources: &Resources, (record, extra): (usize, usize), needed: u64) -> Result<Self> {
         let chunk = (CHUNK * record) as u64;
-        let worker = READING + PACKING * chunk;
+        let worker = READING + READING_EXTRA * extra as u64 + PACKING * chunk;
         let least = PROGRAM + worker + 4 * chunk + needed;
         let Some(rest) = resources.memory.checked_sub(least) else {
             let message = format!("the memory budget of {} bytes is too small", resources.memory);
@@ -164,7 +166,7 @@ pub fn run(
     let cloud = terrane_cloud::open(&job.input, &job.cloud)?;
     let carrier = Carrier::new(&cloud, job.format, packing)?;
     let needed = job.needed(packing, cloud.info().count);
-    let shares = Shares::new(&job.resources, carrier.size(), needed)?;
+    let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
     let threads = shares.threads;
     let moved = job.moved(carrier.info())?;
     let info = moved.as_ref().map_or(carrier.info(), |moved| &moved.info);
