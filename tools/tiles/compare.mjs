@@ -29,7 +29,7 @@ const SETS = [
   { name: "3dtiles", options: ["-f", "3dtiles", "--tile-edges"], isTerrain: true },
   { name: "meshopt/3dtiles", options: ["-f", "3dtiles", "--tile-edges", "--meshopt"], isTerrain: true },
   { name: "no-edges/3dtiles", options: ["-f", "3dtiles", "--meshopt"], isTerrain: false },
-  { name: "skirts/3dtiles", options: ["-f", "3dtiles", "--tile-edges", "--skirts"], isTerrain: true },
+  { name: "skirts/3dtiles", options: ["-f", "3dtiles", "--tile-edges", "--skirts"], isTerrain: true, hasSkirts: true },
   { name: "small-skirts/3dtiles", options: ["-f", "3dtiles", "--meshopt", "--skirts"], isTerrain: false },
 ];
 
@@ -94,13 +94,14 @@ const measured = (tiles, samples, errors) => {
 };
 
 // The same of heights that a client tells, which interpolates by degrees: it may be off by the bend as well.
-const told = (client, { heights }, samples, lattices) => {
+const told = (client, { heights }, samples, lattices, isTold = () => true) => {
   const faults = [...client.faults];
   let [bend, worst] = [0, 0];
   for (const [level, own] of heights) {
     // No less than is assumed: that of 3D Tiles is a little more.
     if (client.error(level) < ofLevel(level) * (1 - 1e-6)) faults.push(`takes level ${level} to be off by less`);
     samples.forEach((sample, i) => {
+      if (!isTold(level, sample)) return;
       const [flat, even] = own[i];
       const found = client.heights.get(level)?.[i];
       const bent = Math.abs(flat - even);
@@ -118,7 +119,7 @@ const told = (client, { heights }, samples, lattices) => {
 };
 
 // What each program finds wrong with a set.
-const check = async (folder, { ending, isTerrain }, samples) => {
+const check = async (folder, { ending, isTerrain, hasSkirts }, samples) => {
   const rows = [];
   let own;
   for (const decoder of DECODERS.filter((decoder) => decoder.ending === ending)) {
@@ -134,7 +135,10 @@ const check = async (folder, { ending, isTerrain }, samples) => {
   }
   if (isTerrain) {
     const client = await cesium(folder, samples);
-    const { faults, bend, worst } = told(client, own, samples, ending === "glb" ? latticesOf(folder) : []);
+    // CesiumJS takes what hangs from a vertex at -180 degrees for something at 180.
+    const isTold = (level, sample) => !hasSkirts || !tileAt(level, sample).includes("/0/");
+    const lattices = ending === "glb" ? latticesOf(folder) : [];
+    const { faults, bend, worst } = told(client, own, samples, lattices, isTold);
     const text = `off by ${worst.toFixed(3)} of its level, and by a bend of up to ${bend.toFixed(3)}`;
     rows.push({ name: "cesium", told: text, faults });
   }

@@ -206,7 +206,7 @@ def test_there_is_no_hole_at_any_moment(either, opened, grid):
     assert moments > 5
     calm(page)
     # Moving on before all is there ends requests.
-    page("() => { asked.delay = 1000; }")
+    page("() => { asked.delay = 4000; }")
     look(page, grid, 30, 200, 150)
     page.wait(lambda: page("() => asked.under") > 0)
     page("() => terrane.look(7.4, 46.1, 3e7)")

@@ -42,7 +42,8 @@ fn of_tiff(path: &Path, resources: &Resources) -> Result<Geoid> {
     check_kind(info)?;
     check_place(info)?;
     let bytes = u64::from(info.width) * u64::from(info.height) * size_of::<f32>() as u64;
-    limits::check("the number of bytes of the geoid", bytes, MAX_GRID_BYTES)?;
+    limits::check("the number of bytes of the geoid", bytes, MAX_GRID_BYTES)
+        .map_err(|e| e.remedy("cut out what is needed: gdal_translate -projwin"))?;
     transform::check_room(bytes, resources.memory)?;
     let mut heights = vec![0.0; (bytes as usize) / size_of::<f32>()];
     read_rows(&*grid, &mut heights)?;

@@ -18,8 +18,8 @@ PLACE = Affine(1 / 1200, 0.0, 7.2, 0.0, -1 / 1200, 46.4)
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """What is in a folder, by name."""
-    found = (path for path in folder.rglob("*") if path.is_file())
+    """Tiles and subtrees in a folder, by name; what describes the set names what it is made from."""
+    found = (path for path in folder.rglob("*.[tgs]*") if path.is_file())
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
@@ -44,7 +44,12 @@ def geoid(folder: Path, height: float) -> Path:
 
 def written(heights: NDArray[np.float32], path: Path) -> Path:
     """A file of the heights."""
-    profile: dict[str, Any] = {"driver": "GTiff", "dtype": "float32", "count": 1, "crs": "EPSG:4326"}
+    profile: dict[str, Any] = {
+        "driver": "GTiff",
+        "dtype": "float32",
+        "count": 1,
+        "crs": "EPSG:4326",
+    }
     rows, columns = heights.shape
     with rasterio.open(path, "w", width=columns, height=rows, transform=PLACE, **profile) as out:
         out.write(heights[None])
@@ -54,19 +59,28 @@ def written(heights: NDArray[np.float32], path: Path) -> Path:
 def test_tiles_are_those_of_the_command_line(heights: NDArray[np.float32], tmp_path: Path) -> None:
     dem, sea = written(heights, tmp_path / "dem.tif"), geoid(tmp_path, 48.5)
     made = terrane.tiles(
-        heights, tmp_path / "py", format=["quantized-mesh", "3dtiles"], geoid=sea, transform=PLACE, crs="EPSG:4326"
+        heights,
+        tmp_path / "py",
+        format=["quantized-mesh", "3dtiles"],
+        geoid=sea,
+        transform=PLACE,
+        crs="EPSG:4326",
     )
     assert all(level["error"] <= level["tolerance"] for level in made["levels"])
     command = [sys.executable, "-m", "terrane", "tiles", str(dem), str(tmp_path / "cli"), "-q"]
     command += ["--format", "quantized-mesh", "--format", "3dtiles", "--geoid", str(sea)]
     subprocess.run(command, check=True)
-    assert files(tmp_path / "py") == files(tmp_path / "cli")
+    found = files(tmp_path / "py")
+    assert len(found) == made["tiles"] + sum(name.endswith(".subtree") for name in found)
+    assert found == files(tmp_path / "cli")
 
 
 def test_options_of_tiles_do_what_they_say(heights: NDArray[np.float32], tmp_path: Path) -> None:
     where: dict[str, Any] = {"transform": PLACE, "crs": "EPSG:4326"}
     usual = terrane.tiles(heights, tmp_path / "a", **where)
-    few = terrane.tiles(heights, tmp_path / "b", max_level=usual["levels"][-1]["level"] - 2, **where)
+    few = terrane.tiles(
+        heights, tmp_path / "b", max_level=usual["levels"][-1]["level"] - 2, **where
+    )
     assert few["tiles"] < usual["tiles"]
     plain = terrane.tiles(heights, tmp_path / "c", compress=False, normals=False, **where)
     assert plain["tiles"] == usual["tiles"]
@@ -77,7 +91,9 @@ def test_options_of_tiles_do_what_they_say(heights: NDArray[np.float32], tmp_pat
     assert packed["output_bytes"] < loose["output_bytes"]
     with pytest.raises(terrane.ExistsError):
         terrane.tiles(heights, tmp_path / "a", **where)
-    assert terrane.tiles(heights, tmp_path / "a", overwrite=True, **where)["tiles"] == usual["tiles"]
+    assert (
+        terrane.tiles(heights, tmp_path / "a", overwrite=True, **where)["tiles"] == usual["tiles"]
+    )
     for options, words in [
         ({"format": "b3dm"}, "'b3dm' is no format|\"b3dm\" is no format"),
         ({"geoid": tmp_path / "none.tif"}, "none.tif"),
@@ -89,7 +105,9 @@ def test_options_of_tiles_do_what_they_say(heights: NDArray[np.float32], tmp_pat
         assert not (tmp_path / "none").exists()
 
 
-def test_meshes_and_contours_are_brought_to_another_system(heights: NDArray[np.float32], tmp_path: Path) -> None:
+def test_meshes_and_contours_are_brought_to_another_system(
+    heights: NDArray[np.float32], tmp_path: Path
+) -> None:
     where: dict[str, Any] = {"transform": PLACE, "crs": "EPSG:4326"}
     sea = geoid(tmp_path, 48.5)
     told = terrane.write_tin(

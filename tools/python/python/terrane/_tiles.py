@@ -82,4 +82,6 @@ def tiles(
         "normals": normals,
         "compress": compress,
     }
-    return grid.tiles(os.fspath(path), asked, overwrite, settings(threads, memory, progress, temp_dir))
+    return grid.tiles(
+        os.fspath(path), asked, overwrite, settings(threads, memory, progress, temp_dir)
+    )
