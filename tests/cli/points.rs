@@ -82,3 +82,45 @@ fn bad_files_of_many_are_skipped_when_asked() {
     assert_eq!(told["skipped"][0]["file"], "bad.laz");
     assert_eq!(points(&place, "x.laz"), points(&place, "a.laz"));
 }
+
+#[test]
+fn what_fails_or_is_killed_leaves_nothing_behind() {
+    let place = clouds();
+    let names = || {
+        let all = std::fs::read_dir(place.path(".")).unwrap();
+        let mut names: Vec<_> = all.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    for job in [
+        "a.laz o.las",
+        "a.laz o.copc.laz",
+        "a.laz o --tile 20",
+        "a.laz o.csv",
+        "a.laz o.laz --dedupe --thin 1",
+    ] {
+        for point in ["create", "sync", "rename"] {
+            let args: Vec<&str> = ["points"].into_iter().chain(job.split(' ')).collect();
+            let fault = format!("{point}:1");
+            let ran = place.command(&args).env("TERRANE_FAULT", &fault).output().unwrap();
+            let told = String::from_utf8_lossy(&ran.stderr);
+            assert!(matches!(ran.status.code(), Some(73 | 74)), "{job} {fault}: {told}");
+            assert_eq!(names(), before, "{job} {fault}");
+        }
+    }
+    for wait in [5, 20, 40, 80] {
+        let mut command = place.command(&["points", "a.laz", "b.las", "o.copc.laz", "-q"]);
+        let mut child = command.spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait));
+        let _ = child.kill();
+        child.wait().unwrap();
+        if place.path("o.copc.laz").exists() {
+            std::fs::remove_file(place.path("o.copc.laz")).unwrap();
+        }
+        // The next run takes away what is left of one that was killed.
+        place.ok(&["points", "a.laz", "b.las", "o.copc.laz", "-q"]);
+        std::fs::remove_file(place.path("o.copc.laz")).unwrap();
+        assert_eq!(names(), before);
+    }
+}
