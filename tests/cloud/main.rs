@@ -7,6 +7,7 @@ mod data;
 
 mod filters;
 mod formats;
+mod octree;
 mod synth;
 mod translate;
 mod whole;
