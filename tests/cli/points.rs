@@ -73,6 +73,31 @@ fn what_cannot_be_is_refused_by_name() {
 }
 
 #[test]
+fn a_folder_that_is_read_or_of_others_is_not_replaced() {
+    let place = clouds();
+    place.ok(&["points", "a.laz", "b.las", "squares", "--tile", "25"]);
+    let one = "squares/500000_4750000.laz";
+    for input in ["squares", "squares/*.laz", one] {
+        place.fails(
+            &["points", input, "squares", "--tile", "50", "--overwrite"],
+            2,
+            &["in it is read"],
+        );
+    }
+    assert_eq!(std::fs::read_dir(place.path("squares")).unwrap().count(), 9);
+    place.ok(&["points", "a.laz", "squares", "--tile", "50", "--overwrite"]);
+    // A file of somebody else.
+    let mut bytes = std::fs::read(place.path(one)).unwrap();
+    bytes[58..90].fill(0);
+    place.write(one, bytes);
+    place.fails(
+        &["points", "a.laz", "squares", "--tile", "50", "--overwrite"],
+        2,
+        &["not made by terrane"],
+    );
+}
+
+#[test]
 fn bad_files_of_many_are_skipped_when_asked() {
     let place = clouds();
     place.write("bad.laz", "LASF and no more");

@@ -12,6 +12,9 @@ const SIZES: [u16; 3] = [227, 235, 375];
 const WKT: u16 = 16;
 /// Bit of the point format that says that points are compressed.
 const COMPRESSED: u8 = 128;
+/// What wrote a file, and where its header says so.
+pub(super) const SOFTWARE: &str = concat!("terrane ", env!("CARGO_PKG_VERSION"));
+pub(super) const SOFTWARE_AT: usize = 58;
 /// Most bytes of a record before the points.
 const MOST_BYTES: usize = u16::MAX as usize;
 
@@ -142,7 +145,7 @@ impl Header {
         bytes.extend_from_slice(&[0; 16]);
         bytes.extend_from_slice(&[1, self.version()]);
         bytes.extend_from_slice(&text::<32>(&self.system));
-        bytes.extend_from_slice(&text::<32>(concat!("terrane ", env!("CARGO_PKG_VERSION"))));
+        bytes.extend_from_slice(&text::<32>(SOFTWARE));
         bytes.extend_from_slice(&[0; 4]);
         bytes.extend_from_slice(&self.own_size().to_le_bytes());
         bytes.extend_from_slice(&(self.length() as u32).to_le_bytes());

@@ -28,6 +28,7 @@ use octree::Nodes;
 use tally::Tally;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame};
+use terrane_files::RawFile;
 use terrane_files::atomic::AtomicFile;
 
 /// What a file is to be.
@@ -107,6 +108,9 @@ pub struct CloudWriter {
     is_ended: bool,
 }
 
+/// Where the name of what wrote a file ends.
+const SOFTWARE_END: u64 = 90;
+
 /// How a file of this name is packed; `None` for names of no known ending.
 pub fn packing_by_name(path: &Path) -> Option<Packing> {
     let name = path.to_string_lossy().to_lowercase();
@@ -119,6 +123,15 @@ pub fn packing_by_name(path: &Path) -> Option<Packing> {
         (".xyz", Packing::Text),
     ];
     known.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, packing)| packing)
+}
+
+/// Whether the header of a file says that terrane wrote it, of any version.
+pub fn is_written_here(path: &Path) -> bool {
+    let (name, _) = header::SOFTWARE.split_once(' ').unwrap_or_default();
+    let head = RawFile::open(path).and_then(|file| file.head(SOFTWARE_END));
+    head.is_ok_and(|head| {
+        head.get(header::SOFTWARE_AT..).is_some_and(|rest| rest.starts_with(name.as_bytes()))
+    })
 }
 
 impl CloudWriter {

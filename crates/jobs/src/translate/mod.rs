@@ -164,6 +164,9 @@ pub fn run(
     refuse_existing(&job.output, job.overwrite)?;
     let packing = job.packing()?;
     let cloud = terrane_cloud::open(&job.input, &job.cloud)?;
+    if job.squares.is_some() {
+        squares::refuse_within(cloud.files(), &job.output)?;
+    }
     let carrier = Carrier::new(&cloud, job.format, packing)?;
     let needed = job.needed(packing, cloud.info().count);
     let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;

@@ -11,9 +11,10 @@ use crate::records::{Flow, Records};
 use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Frame, Point};
+use terrane_cloud::write::is_written_here;
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions};
 use terrane_cloud::{CloudInfo, Flags, PointFormat};
-use terrane_files::Buckets;
+use terrane_files::{Buckets, path_of, shown};
 use terrane_gridding::{Edges, Lattice};
 
 /// Most squares: each takes some memory.
@@ -243,15 +244,33 @@ fn marks(format: PointFormat, mark: BufferMark) -> (usize, u8) {
     (15, if format.is_new() { bits } else { bits << 5 })
 }
 
-/// Whether a folder holds nothing but files of squares.
+/// Whether a folder holds nothing but files of squares that terrane wrote.
 pub(super) fn is_ours(folder: &Path) -> bool {
-    let is_square = |name: &str| {
-        let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
-        let corner = stem.and_then(|stem| stem.split_once('_'));
-        corner.is_some_and(|(x, y)| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok())
-    };
-    let entries = std::fs::read_dir(folder).map(|all| {
-        all.map(|entry| entry.is_ok_and(|entry| is_square(&entry.file_name().to_string_lossy())))
-    });
+    let entries = std::fs::read_dir(folder)
+        .map(|all| all.map(|entry| entry.is_ok_and(|entry| is_square(&entry.path()))));
     entries.is_ok_and(|mut all| all.all(|is| is))
+}
+
+fn is_square(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
+    let corner = stem.and_then(|stem| stem.split_once('_'));
+    let is_named =
+        corner.is_some_and(|(x, y)| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok());
+    is_named && is_written_here(path)
+}
+
+/// Fails where one of the files lies in a folder that is to be replaced.
+pub(super) fn refuse_within(files: &[String], folder: &Path) -> Result<()> {
+    let Ok(real) = folder.canonicalize() else { return Ok(()) };
+    let is_in =
+        |file: &&String| path_of(file).canonicalize().is_ok_and(|path| path.starts_with(&real));
+    match files.iter().find(is_in) {
+        None => Ok(()),
+        Some(file) => {
+            Err(Error::usage(format!("would be replaced, and {} in it is read", shown(file)))
+                .in_file(folder)
+                .remedy("choose another name"))
+        }
+    }
 }
