@@ -42,7 +42,7 @@ pub struct TilesBuilder<'a> {
 /// What tiles are made of.
 enum Of<'a> {
     Grid(&'a Grid),
-    Cloud(&'a Cloud, GroundModel),
+    Cloud(&'a Cloud, Box<GroundModel>),
 }
 
 run_settings!([] TilesBuilder<'_>);
@@ -60,7 +60,7 @@ impl<'a> TilesBuilder<'a> {
             cell: cell.map(|side| [side; 2]),
             ground: GroundFrom::Auto,
         };
-        Self::new(Of::Cloud(cloud, model))
+        Self::new(Of::Cloud(cloud, Box::new(model)))
     }
 
     fn new(of: Of<'a>) -> Self {
