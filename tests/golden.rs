@@ -204,6 +204,22 @@ fn jobs() -> Vec<String> {
     ] {
         add(format!("grid ../in/steep.laz o.tif --cell 2 {options}"));
     }
+    for (cloud, output) in
+        [("dense.laz", "o.las"), ("thin.las", "o.laz"), ("steep.laz", "o.copc.laz")]
+    {
+        for options in [
+            "",
+            "--point-format 7",
+            "--class 2,6 --every 3",
+            "--thin 2:lowest --dedupe",
+            "--thin 2:random=3",
+            "--to-crs EPSG:4326",
+        ] {
+            add(format!("points ../in/{cloud} {output} {options}"));
+        }
+    }
+    add("points ../in/dense.laz ../in/thin.las o.copc.laz".into());
+    add("points ../in/dense.laz o --tile 25 --buffer 2".into());
     for format in raster::write::FORMATS {
         let (name, ending) = (format.name, format.extensions[0]);
         let round = if format.holds_types { "" } else { " --round" };

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::plan::Plan;
+use super::points::PointsBuilder;
 use super::run::{Run, output_settings, run_settings};
 use super::tiles::TilesBuilder;
 use super::verify::VerifyBuilder;
@@ -137,6 +138,11 @@ impl Cloud {
     /// in each, or a model of the terrain.
     pub fn grid(&self, cell: f64) -> GridBuilder<'_> {
         GridBuilder::of(self, cell)
+    }
+
+    /// Its points in files of points.
+    pub fn points(&self) -> PointsBuilder<'_> {
+        PointsBuilder::of(self)
     }
 
     /// Tiles for viewers of the globe of a model of its ground ([`Preset::Dtm`]) with square cells of this side, in units

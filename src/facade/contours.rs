@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::grid::Grid;
-use super::run::{Run, output_settings, run_settings};
+use super::run::{Run, System, output_settings, run_settings, system_settings};
 use terrane_base::{Error, Result};
 use terrane_jobs::contour::{self, ContourJob, ContourReport, Heights};
 use terrane_jobs::line::Length;
@@ -17,6 +17,9 @@ use terrane_jobs::line::Length;
 /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
 /// let report = dem.contours().every(20.0).write(&path)?;
 /// assert!(report.levels > 0);
+/// let path = folder.path().join("degrees.geojson");
+/// let report = dem.contours().every(20.0).to_crs("EPSG:4326").write(&path)?;
+/// assert_eq!(report.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
 /// # Ok(())
 /// # }
 /// ```
@@ -26,16 +29,18 @@ pub struct ContourBuilder<'a> {
     tolerance: Option<f64>,
     with_z: bool,
     format: Option<String>,
+    system: System,
     run: Run,
 }
 
 run_settings!([] ContourBuilder<'_>);
 output_settings!([] ContourBuilder<'_>);
+system_settings!([] ContourBuilder<'_>);
 
 impl<'a> ContourBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
-        let run = Run::default();
-        Self { grid, heights: None, tolerance: None, with_z: false, format: None, run }
+        let (system, run) = (System::default(), Run::default());
+        Self { grid, heights: None, tolerance: None, with_z: false, format: None, system, run }
     }
 
     /// At multiples of this height.
@@ -67,11 +72,12 @@ impl<'a> ContourBuilder<'a> {
     ///
     /// # Errors
     /// No heights, or an interval that is none; damage in the grid; too little memory; an output that exists,
-    /// cannot be written or holds no lines; cancelled.
+    /// cannot be written or holds no lines; a system that nothing is known to lead to; cancelled.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<ContourReport> {
         let none = || Error::usage("no heights of lines are given").remedy("say .every(...)");
         let job = ContourJob {
             reading: self.grid.reading.clone(),
+            transform: self.system.transform()?,
             format: self.format,
             overwrite: self.run.overwrite,
             tolerance: self.tolerance.map(|value| Length { value, unit: None }),

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::run::{Run, output_settings, run_settings};
+use super::run::{Run, System, output_settings, run_settings, system_settings};
 use super::simplify::Method;
 use super::verify::VerifyBuilder;
 use terrane_base::{Error, Result};
@@ -60,6 +60,7 @@ impl Features {
             topology: None,
             format: None,
             decimals: None,
+            system: System::default(),
             run: Run::default(),
         }
     }
@@ -78,11 +79,13 @@ pub struct LineBuilder<'a> {
     topology: Option<Topology>,
     format: Option<String>,
     decimals: Option<u8>,
+    system: System,
     run: Run,
 }
 
 run_settings!([] LineBuilder<'_>);
 output_settings!([] LineBuilder<'_>);
+system_settings!([] LineBuilder<'_>);
 
 impl LineBuilder<'_> {
     /// No vertex further than this from the segment in its place, in units of the data.
@@ -137,14 +140,15 @@ impl LineBuilder<'_> {
     ///
     /// # Errors
     /// No goal, or one that the method does not have or that cannot be met; damage in the file, with its
-    /// place; too little memory; an output that exists, cannot be written or does not hold the features;
-    /// cancelled.
+    /// place; too little memory; an output that exists, cannot be written or does not hold the features; a
+    /// system that nothing is known to lead to; cancelled.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<LineReport> {
         let none = || Error::usage("the lines have nothing to reach").remedy("say .tolerance(...)");
         let job = LineJob {
             layer: self.of.layer.clone(),
             method: self.method.entry(),
             topology: self.topology,
+            transform: self.system.transform()?,
             format: self.format,
             decimals: self.decimals,
             overwrite: self.run.overwrite,

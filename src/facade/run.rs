@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use terrane_base::{Error, Result};
+use terrane_jobs::transform::Transform;
 use terrane_jobs::{Cancel, Progress, Resources, Silent, memory};
 
 /// An amount of memory: a number of bytes, or a text such as `"512M"` or `"4GiB"`. A text that is none
@@ -77,6 +78,55 @@ impl Run {
     }
 }
 
+/// The reference system of an output, as a builder was told.
+#[derive(Default)]
+pub(super) struct System {
+    pub(super) target: Option<String>,
+    pub(super) shift_grid: Option<PathBuf>,
+    pub(super) geoid: Option<PathBuf>,
+}
+
+impl System {
+    /// What the job is to do, if anything.
+    pub(super) fn transform(&self) -> Result<Option<Transform>> {
+        let Self { target, shift_grid, geoid } = self;
+        if target.is_none() && (shift_grid.is_some() || geoid.is_some()) {
+            return Err(Error::usage("a grid of shifts and a geoid lead to another system")
+                .remedy("say .to_crs(...), or leave them out"));
+        }
+        let (shift_grid, geoid) = (shift_grid.clone(), geoid.clone());
+        Ok(target.clone().map(|target| Transform { target, shift_grid, geoid }))
+    }
+}
+
+/// The reference system to write in, for a builder that has it as `system`.
+macro_rules! system_settings {
+    ([$($generic:tt)*] $builder:ty) => {
+        impl<$($generic)*> $builder {
+            /// Write in this reference system: a code such as `"EPSG:4326"` or `"EPSG:6339+6360"`, or well-known
+            /// text. All that is decided is decided before, in the system of the input.
+            pub fn to_crs(mut self, system: impl Into<String>) -> Self {
+                self.system.target = Some(system.into());
+                self
+            }
+
+            /// A file with a grid of shifts between the datums of both systems (NTv2), which takes the place of
+            /// what is known of them.
+            pub fn shift_grid(mut self, file: impl Into<std::path::PathBuf>) -> Self {
+                self.system.shift_grid = Some(file.into());
+                self
+            }
+
+            /// A file with the heights of a geoid above the ellipsoid, in metres (GTX or GeoTIFF), for systems that
+            /// count heights from different ones of the two.
+            pub fn geoid(mut self, file: impl Into<std::path::PathBuf>) -> Self {
+                self.system.geoid = Some(file.into());
+                self
+            }
+        }
+    };
+}
+
 /// The settings of a run, for a builder that has them as `run`.
 macro_rules! run_settings {
     ([$($generic:tt)*] $builder:ty) => {
@@ -146,4 +196,4 @@ macro_rules! output_settings {
     };
 }
 
-pub(super) use {output_settings, overwrite_setting, run_settings};
+pub(super) use {output_settings, overwrite_setting, run_settings, system_settings};

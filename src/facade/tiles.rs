@@ -68,7 +68,7 @@ impl<'a> TilesBuilder<'a> {
     }
 
     /// A file with the heights of the geoid that those of the grid are counted from, above the ellipsoid, in metres
-    /// (GTX). Heights are taken from the ellipsoid on without it.
+    /// (GTX or GeoTIFF). Heights are taken from the ellipsoid on without it.
     pub fn geoid(mut self, file: impl Into<String>) -> Self {
         self.job.geoid = Some(file.into());
         self

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
 use super::plan::Plan;
-use super::run::{Run, output_settings, run_settings};
+use super::run::{Run, System, output_settings, run_settings, system_settings};
 use terrane_base::bound::Bound;
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
@@ -257,6 +257,7 @@ pub struct TinBuilder<S> {
     tile: u32,
     format: Option<String>,
     split: Option<u32>,
+    system: System,
     run: Run,
 }
 
@@ -273,6 +274,7 @@ impl<S> TinBuilder<S> {
             tile: USUAL_TILE,
             format: None,
             split: None,
+            system: System::default(),
             run: Run::default(),
         }
     }
@@ -460,6 +462,7 @@ impl TinBuilder<ArrayGrid<'_>> {
 }
 
 output_settings!([] TinBuilder<&Grid>);
+system_settings!([] TinBuilder<&Grid>);
 
 impl TinBuilder<&Grid> {
     /// Write a folder with a mesh for every so many by so many tiles.
@@ -471,11 +474,11 @@ impl TinBuilder<&Grid> {
     /// Makes the mesh in memory, which it takes about 50 bytes a vertex of, beside what the job may use.
     ///
     /// # Errors
-    /// As for arrays; damage in the grid's files; [`split`](Self::split) and [`format`](Self::format), which
-    /// are about files.
+    /// As for arrays; damage in the grid's files; [`split`](Self::split), [`format`](Self::format) and
+    /// [`to_crs`](Self::to_crs), which are about files.
     pub fn build(self) -> Result<Tin> {
-        if self.split.is_some() || self.format.is_some() {
-            return Err(Error::usage("a format and a split are of files")
+        if self.split.is_some() || self.format.is_some() || self.system.transform()?.is_some() {
+            return Err(Error::usage("a format, a split and another system are of files")
                 .remedy("write the mesh, or leave them out"));
         }
         let Run { progress, cancel, .. } = &self.run;
@@ -490,7 +493,7 @@ impl TinBuilder<&Grid> {
     ///
     /// # Errors
     /// As [`build`](Self::build); an output that exists or cannot be written, or a format that does not hold
-    /// the mesh.
+    /// the mesh; a system that nothing is known to lead to.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<TinReport> {
         tin::run(&self.job(path.into())?, &*self.run.progress, &self.run.cancel)
     }
@@ -522,6 +525,7 @@ impl TinBuilder<&Grid> {
             format: self.format.clone(),
             overwrite: self.run.overwrite,
             split: self.split,
+            transform: self.system.transform()?,
             refinement: self.refinement()?,
             tile: self.tile,
             resources: self.run.resources()?,

@@ -192,6 +192,54 @@ fn what_cannot_act_is_refused() {
     usage(cloud.filter(ground.clone()).unwrap().filter(ground).map(drop));
 }
 
+/// A GTX file of one height all over the globe.
+fn geoid(height: f32) -> Vec<u8> {
+    let mut bytes: Vec<u8> =
+        [-90.0_f64, -180.0, 90.0, 90.0].iter().flat_map(|v| v.to_be_bytes()).collect();
+    bytes.extend([3_u32, 5].iter().flat_map(|v| v.to_be_bytes()));
+    bytes.extend([height; 15].iter().flat_map(|v| v.to_be_bytes()));
+    bytes
+}
+
+#[test]
+fn meshes_contours_and_lines_are_written_in_another_system() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("sea.gtx"), geoid(48.5)).unwrap();
+    let grid = terrane::open(NAME).unwrap();
+    let tin = || grid.tin().max_error(20.0);
+    tin().to_crs("EPSG:4326").write(path("plain.ply")).unwrap();
+    let made = tin().to_crs("EPSG:4979").geoid(path("sea.gtx")).write(path("high.ply")).unwrap();
+    assert_eq!(made.transformed.unwrap().crs, "EPSG:4979 (WGS 84)");
+    let ((low, _), (high, _)) = (stored(&path("plain.ply")), stored(&path("high.ply")));
+    for (low, high) in low.iter().zip(&high) {
+        assert!((high[2] - low[2] - 48.5).abs() < 1e-9 && high[..2] == low[..2]);
+        assert!((-180.0..180.0).contains(&low[0]) && (-90.0..90.0).contains(&low[1]));
+    }
+    let lines = || grid.contours().every(50.0);
+    lines().write(path("metres.wkt")).unwrap();
+    let made = lines().to_crs("EPSG:4326").write(path("degrees.geojson")).unwrap();
+    assert_eq!(made.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
+    let features = terrane::open_features(path("metres.wkt")).unwrap();
+    let simpler = || features.simplify().tolerance(5.0);
+    let made = simpler().to_crs("EPSG:4326").write(path("simpler.geojson")).unwrap();
+    assert_eq!(made.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
+    // What leads nowhere, or is about files.
+    let sea = path("sea.gtx");
+    for failed in [
+        tin().geoid(&sea).write(path("no.ply")).map(drop),
+        tin().to_crs("EPSG:4326").build().map(drop),
+        tin().geoid(&sea).build().map(drop),
+        tin().to_crs("EPSG:4326").plan(path("work"), None).map(drop),
+        lines().shift_grid(&sea).write(path("no.wkt")).map(drop),
+        simpler().geoid(&sea).write(path("no.wkt")).map(drop),
+        tin().to_crs("EPSG:4326").geoid(&sea).write(path("no.ply")).map(drop),
+    ] {
+        assert_eq!(failed.unwrap_err().kind(), ErrorKind::Usage);
+    }
+    assert!(!path("no.ply").exists() && !path("no.wkt").exists());
+}
+
 #[test]
 fn lines_in_degrees_are_proved_in_metres() {
     let folder = tempfile::tempdir().unwrap();

@@ -7,6 +7,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from geographiclib.geodesic import Geodesic
 from conftest import SKY, TERRANE, terrane
 
 SIDE, CELL, WEST, SOUTH = 257, 1 / 3600, 7.4, 46.1
@@ -163,7 +164,7 @@ def test_the_place_under_the_cursor_is_where_it_is_seen(served, opened):
             found = page("([px, py]) => terrane.under(px, py)", [px, py])
             told = dict(line.rsplit(" ", 1) for line in page("() => [...document.querySelectorAll('#status span')].slice(0, 2).map((e) => e.textContent)"))
             assert abs(float(told["Lon"][:-1]) - found["lon"]) < 2e-6 and abs(float(told["Lat"][:-1]) - found["lat"]) < 2e-6
-            back = page("(p) => terrane.toView(p.lon, p.lat, p.height)", found)
+            back = page("(p) => terrane.toView([p.lon, p.lat, p.height])", found)
             assert np.hypot(back[0] - px, back[1] - py) < 0.05, "it is seen where it was found"
         # Again from near by.
         page("() => { const at = terrane.under(516, 250); terrane.look(at.lon, at.lat, 60, at.height); }")
@@ -205,7 +206,7 @@ def test_there_is_no_hole_at_any_moment(either, opened, grid):
     assert moments > 5
     calm(page)
     # Moving on before all is there ends requests.
-    page("() => { asked.delay = 1000; }")
+    page("() => { asked.delay = 4000; }")
     look(page, grid, 30, 200, 150)
     page.wait(lambda: page("() => asked.under") > 0)
     page("() => terrane.look(7.4, 46.1, 3e7)")
@@ -314,3 +315,222 @@ def test_tiles_that_are_gone_are_told_of(grid, place, opened):
     assert figures["failures"] > 0 and figures["levels"][1] == 11, "what is above them is shown"
     assert "cannot be shown, first 12/" in page.page.inner_text("#notes")
     server.stop()
+
+
+# ---- measuring and sections
+
+
+def on_ellipsoid(one, other):
+    """Metres between two places [longitude, latitude, ..], by a library of others."""
+    return Geodesic.WGS84.Inverse(one[1], one[0], other[1], other[0])["s12"]
+
+
+def in_space(lon, lat, height):
+    """Earth-centred metres."""
+    lon, lat = np.radians([lon, lat])
+    flattening = 1 / 298.257223563
+    squash = flattening * (2 - flattening)
+    reach = 6378137 / np.sqrt(1 - squash * np.sin(lat) ** 2)
+    flat = (reach + height) * np.cos(lat)
+    return np.array([flat * np.cos(lon), flat * np.sin(lon), (reach * (1 - squash) + height) * np.sin(lat)])
+
+
+def test_lengths_along_the_ellipsoid_are_those_of_geographiclib(served, opened):
+    page = show(opened, served)
+    random = np.random.default_rng(4)
+    pairs = []
+    for i in range(200):
+        one = [random.uniform(-180, 180), np.degrees(np.arcsin(random.uniform(-1, 1)))]
+        near = 10.0 ** random.uniform(-6, 1) * random.normal(size=2)
+        other = [one[0] + near[0], np.clip(one[1] + near[1], -90, 90)]
+        if i % 4 == 0:
+            other = [random.uniform(-180, 180), random.uniform(-90, 90)]
+        if i % 4 == 1:  # nearly opposite
+            other = [one[0] + 180 + random.normal() / 4, -one[1] + random.normal() / 4]
+        pairs.append([one, [float(v) for v in other]])
+    pairs += [[[0, 0], [lon, 0]] for lon in [0, 1e-5, 90, 179.39, 179.5, 180]]
+    pairs += [[[0, 1e-9], [179, -1e-10]], [[0, 90], [50, 90]], [[0, 90], [0, -90]], [[179.9, 10], [-179.9, 10]]]
+    got = page("(pairs) => pairs.map(([a, b]) => terrane.geodesic(a, b))", pairs)
+    for (one, other), length in zip(pairs, got):
+        assert abs(length - on_ellipsoid(one, other)) < 1e-6, (one, other)
+
+
+def test_what_is_measured_is_told(either, opened):
+    page = show(opened, either)
+    page.page.keyboard.press("m")
+    clicks = [(480, 260), (560, 220), (540, 300)]
+    for at in clicks[:2]:
+        page.page.mouse.click(*at)
+    a, b = page("() => terrane.places()")
+    told = lambda: dict(line.rsplit(" ", 2)[:2] for line in page("() => [...document.querySelectorAll('#status span')].map((e) => e.textContent)"))
+    number = lambda text: float(text.replace(",", "").replace("+", ""))
+    first = told()
+    unit = 1000 if "km" in page.page.inner_text("#status").split("in space")[0] else 1
+    assert abs(number(first["Length on the ellipsoid"]) - on_ellipsoid(a, b) / unit) <= 0.06, first
+    assert abs(number(first["in space"]) - np.linalg.norm(in_space(*a) - in_space(*b)) / unit) <= 0.06, first
+    assert abs(number(first["Height"]) - (b[2] - a[2])) <= 0.06, first
+    assert abs(number(first["Grade of the last"]) - 100 * (b[2] - a[2]) / on_ellipsoid(a, b)) <= 0.06, first
+    for place, at in zip([a, b], clicks):
+        found = page("([px, py]) => terrane.under(px, py)", list(at))
+        assert [found["lon"], found["lat"], found["height"]] == place
+    # A line of several places, and one place taken back.
+    page.page.mouse.click(*clicks[2])
+    assert number(told()["Length on the ellipsoid"]) > number(first["Length on the ellipsoid"])
+    page.page.keyboard.press("Backspace")
+    assert told() == first
+    drawn = """() => { const c = document.getElementById('over'); const blank = document.createElement('canvas');
+        blank.width = c.width; blank.height = c.height; return c.toDataURL() !== blank.toDataURL(); }"""
+    page.wait(lambda: page(drawn))  # the line is seen
+    page.page.keyboard.press("Escape")
+    assert page("() => terrane.places().length") == 0
+    page.wait(lambda: not page(drawn))
+
+
+def test_sections_are_of_the_tiles_that_are_shown(either, opened, grid):
+    page = show(opened, either)
+    page.page.keyboard.press("p")
+    page.page.mouse.click(440, 270)
+    page.page.mouse.click(590, 225)
+    calm(page)
+    a, b = page("() => terrane.places()")
+
+    def check():
+        """Every point lies on the terrain shown, on the line; the line is told of from one end to the other."""
+        pieces = page("() => terrane.profile().pieces")
+        assert page.page.is_visible("#sheet") and len(pieces) > 10
+        assert abs(pieces[0][0][0]) < 1e-6 and abs(pieces[-1][1][0] - 1) < 1e-6
+        assert all(one[0][0] < one[1][0] for one in pieces)
+        assert max(abs(one[1][0] - next_[0][0]) for one, next_ in zip(pieces, pieces[1:])) < 1e-6, "without gaps"
+        length = on_ellipsoid(a, b)
+        for share, place in [end for piece in pieces for end in piece][:: max(1, len(pieces) // 40)]:
+            assert abs(on_ellipsoid(a, place) - share * length) < 1e-3 * length, "as far along as it says"
+            found = page("([lon, lat]) => terrane.at(lon, lat)", place[:2])
+            assert found is None or abs(found["height"] - place[2]) < 0.02 + 1e-3 * abs(place[2]), (found, place)
+            assert abs(on_ellipsoid(a, place) + on_ellipsoid(place, b) - length) < 1e-4 * length, "on the line"
+        return pieces
+
+    coarse = check()
+    # Finer tiles, a finer section; and none for less of the line.
+    assert len(check()) >= len(coarse)
+    slide(page, 0.5)
+    fine = check()
+    assert len(fine) > len(coarse)
+    error = float(page.page.inner_text("#profile-told").split("≤ ")[1].split(" m")[0])
+    for share, (lon, lat, height) in [piece[0] for piece in fine]:
+        column, row = (lon - WEST) / CELL, (lat - SOUTH) / CELL
+        c, r = int(column), int(row)
+        if not (0 <= c < SIDE - 1 and 0 <= r < SIDE - 1):
+            continue
+        square = grid[r : r + 2, c : c + 2]
+        assert square.min() - error - 0.01 <= height <= square.max() + error + 0.01
+    page("([lon, lat]) => terrane.look(lon, lat, 300)", a[:2])
+    calm(page)
+    assert page("() => terrane.profile().covered") > 1 - 1e-6
+    # A pointer over the chart marks the place.
+    box = page.page.locator("#profile").bounding_box()
+    page.page.mouse.move(box["x"] + 50 + (box["width"] - 58) / 2, box["y"] + 60)
+    mark = page("() => terrane.profile().mark")
+    assert abs(on_ellipsoid(a, mark) / on_ellipsoid(a, b) - 0.5) < 0.01
+    assert page.page.inner_text("#profile-told").startswith("Section: ")
+    page.page.keyboard.press("Escape")
+    assert not page.page.is_visible("#sheet")
+
+
+SECTION = "([from, to]) => terrane.section(from, to)"
+
+
+def shares_of(pieces):
+    return [share for piece in pieces for share, _ in piece]
+
+
+def test_sections_end_where_data_end(either, opened):
+    page = show(opened, either)
+    inside, outside = [WEST + 0.03, SOUTH + 0.03, 500], [WEST - 0.03, SOUTH + 0.03, 500]
+    assert abs(min(shares_of(page(SECTION, [outside, inside]))) - 0.5) < 1e-3
+    assert abs(max(shares_of(page(SECTION, [inside, outside]))) - 0.5) < 1e-3
+    assert page(SECTION, [outside, [WEST - 0.03, SOUTH + 0.05, 500]]) == []
+    # No line, or none that is the only one.
+    assert page(SECTION, [inside, inside]) == []
+    assert page(SECTION, [inside, [inside[0] - 180, -inside[1], 500]]) == []
+
+
+def test_sections_take_each_place_of_one_tile(served, opened):
+    page = show(opened, served)
+    # Every other tile is not there: quarters of those above are shown beside tiles below them.
+    page("""() => { const before = window.fetch; window.fetch = async (url, how) =>
+        (Number(url.split('/')[1]) % 2 ? before(url, how) : new Response('', { status: 404 })); }""")
+    assert slide(page, 0.5)["failures"] > 0
+    assert any(tile["quarters"] != 15 for tile in page("() => terrane.drawn()"))
+    for row in [0.01, 0.02, 0.04]:
+        pieces = page(SECTION, [[WEST + 0.005, SOUTH + row, 500], [WEST + 0.065, SOUTH + row + 0.01, 500]])
+        ends = [(one[1][0], next_[0][0]) for one, next_ in zip(pieces, pieces[1:])]
+        assert len(ends) > 5 and max(abs(end - begin) for end, begin in ends) < 1e-4
+
+
+def test_sections_cross_180_degrees(place, opened):
+    with open(place / "globe-5.asc", "w") as out:
+        out.write("ncols 73\nnrows 35\nxllcenter -180\nyllcenter -85\ncellsize 5\n")
+        np.savetxt(out, np.full((35, 73), 500.0), "%.1f")
+    (place / "globe-5.prj").write_text("EPSG:4326")
+    terrane("tiles", place / "globe-5.asc", place / "globe-5", "--max-level", 7)
+    server = Served(place / "globe-5")
+    page = show(opened, server)
+    page("() => terrane.look(180, 10, 4e6)")
+    calm(page)
+    ends = [[174, 5, 500], [-173, 16, 500]]
+    pieces = page(SECTION, ends)
+    shares = shares_of(pieces)
+    assert min(shares) == 0 and max(shares) == 1
+    assert max(abs(one[1][0] - next_[0][0]) for one, next_ in zip(pieces, pieces[1:])) < 1e-6, "without gaps"
+    assert {np.sign(at[0]) for piece in pieces for _, at in piece} == {1, -1}
+    error = max(tile["error"] for tile in page("() => terrane.drawn()"))
+    assert all(abs(at[2] - 500) <= error for piece in pieces for _, at in piece)
+    server.stop()
+
+
+# ---- requests that fail
+
+# From now on some requests fail so often: with a status, or without an answer.
+FAILING = """([times, status, pauses]) => { const before = window.fetch; const now = window.asked = {};
+    terrane.stream().asker.pauses = pauses;
+    window.fetch = async (url, how) => { const list = now[url] ??= []; list.push(performance.now());
+      if (list.length > times) return before(url, how);
+      if (status === 0) throw new TypeError('no answer');
+      return new Response('', { status, statusText: 'told' }); }; }"""
+
+
+@pytest.mark.parametrize("status", [0, 503])
+def test_requests_that_failed_are_made_again(either, opened, grid, status):
+    page = show(opened, either)
+    before = page.figures
+    page(FAILING, [3, status, [60, 120, 240]])
+    slide_soon = "() => { const s = document.getElementById('allowed'); s.value = -1; s.dispatchEvent(new Event('input')); }"
+    page(slide_soon)
+    page.wait(lambda: page("() => terrane.figures().again") > 0)
+    page.wait(lambda: "failed and are made again" in page.page.inner_text("#notes"))
+    figures = calm(page)
+    assert figures["failures"] == 0 and figures["again"] == 0 and figures["loaded"] > before["loaded"]
+    assert page.page.inner_text("#notes") == ""
+    asked = list(page("() => window.asked").values())
+    assert len(asked) > 3 and all(len(times) in (1, 2, 3, 4) for times in asked)
+    full = [np.diff(times) for times in asked if len(times) == 4]
+    assert full
+    for pauses in full:
+        assert (pauses > [55, 115, 235]).all(), "pauses that grow"
+
+
+def test_requests_are_given_up_in_the_end(either, opened, grid):
+    page = show(opened, either)
+    page(FAILING, [10**6, 500, [20, 40]])
+    figures = slide(page, 0.5)
+    assert figures["failures"] > 0 and figures["drawn"] > 0, "what is above is shown"
+    assert "cannot be shown, first" in page.page.inner_text("#notes")
+    assert "500 told, asked for 3 times; reload the page" in page.page.inner_text("#notes")
+    assert {len(times) for times in page("() => window.asked").values()} == {3}
+
+
+def test_what_is_not_there_is_asked_for_once(served, opened):
+    page = show(opened, served)
+    page(FAILING, [10**6, 404, [20, 40]])
+    figures = slide(page, 0.5)
+    assert figures["failures"] > 0 and {len(times) for times in page("() => window.asked").values()} == {1}

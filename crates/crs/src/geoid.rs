@@ -1,10 +1,10 @@
-//! Heights of a geoid above the ellipsoid, on a grid of longitudes and latitudes: GTX files.
+//! Heights of a geoid above the ellipsoid, on a grid of longitudes and latitudes: of GTX files, or as they come.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
 /// Most bytes of a grid of shifts or of a geoid, which is held whole.
-pub(crate) const MAX_GRID_BYTES: u64 = 512 << 20;
+pub const MAX_GRID_BYTES: u64 = 512 << 20;
 
 /// What stands for no value.
 const NO_VALUE: f32 = -88.8888;
@@ -53,16 +53,6 @@ impl Geoid {
         let (Some(rows), Some(columns)) = (count(32), count(36)) else {
             return Err(bad("its numbers of rows and columns make no sense"));
         };
-        let extent = [across * f64::from(columns - 1), up * f64::from(rows - 1)];
-        let is_sound = up > 0.0
-            && across > 0.0
-            && (-90.001..=90.0).contains(&south)
-            && south + extent[1] <= 90.001
-            && (-360.0..=360.0).contains(&west)
-            && extent[0] <= 360.001;
-        if !is_sound {
-            return Err(bad("it lies beyond the globe"));
-        }
         let values = &bytes[HEADER.min(bytes.len())..];
         let wanted = u64::from(rows) * u64::from(columns) * 4;
         if values.len() as u64 != wanted {
@@ -73,13 +63,36 @@ impl Geoid {
         }
         let four = |part: &[u8]| part.try_into().map_or(f32::NAN, f32::from_be_bytes);
         let heights = values.chunks_exact(4).map(four).collect();
-        Ok(Self {
-            corner: [west, south],
-            step: [across, up],
-            columns: columns as usize,
-            rows: rows as usize,
-            heights,
-        })
+        Self::new([west, south], [across, up], [columns, rows], heights)
+    }
+
+    /// From heights in metres, row by row from the south, each from the west; what is not a number is not known.
+    /// The corner is where the first of them lies, the step what lies between columns and between rows, in degrees.
+    ///
+    /// # Errors
+    /// A grid of fewer than two columns or rows, one that reaches beyond the globe, or another number of heights.
+    pub fn new(
+        corner: [f64; 2],
+        step: [f64; 2],
+        [columns, rows]: [u32; 2],
+        heights: Vec<f32>,
+    ) -> Result<Self> {
+        let bad = |what: &str| Error::bad_input(what).remedy("fetch the file again");
+        if columns < 2 || rows < 2 || heights.len() as u64 != u64::from(columns) * u64::from(rows) {
+            return Err(bad("is a grid of too few heights"));
+        }
+        let ([west, south], [across, up]) = (corner, step);
+        let extent = [across * f64::from(columns - 1), up * f64::from(rows - 1)];
+        let is_sound = up > 0.0
+            && across > 0.0
+            && (-90.001..=90.0).contains(&south)
+            && south + extent[1] <= 90.001
+            && (-360.0..=360.0).contains(&west)
+            && extent[0] <= 360.001;
+        if !is_sound {
+            return Err(bad("lies beyond the globe"));
+        }
+        Ok(Self { corner, step, columns: columns as usize, rows: rows as usize, heights })
     }
 
     /// The height of the geoid above the ellipsoid, in metres, at a longitude and latitude in degrees:

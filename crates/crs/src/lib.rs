@@ -18,6 +18,6 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use geoid::Geoid;
+pub use geoid::{Geoid, MAX_GRID_BYTES};
 pub use ntv2::ShiftGrid;
 pub use operation::{Operation, Options};

@@ -1,10 +1,10 @@
 //! Where the samples of a grid are on the globe, and how high.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::Resources;
-use crate::transform::{extent_of, read_geoid};
+use crate::geoid;
+use crate::transform::extent_of;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Heights};
 use terrane_crs::{Geoid, Operation};
@@ -89,7 +89,7 @@ impl Lift {
             _ => unit.unwrap_or(1.0),
         };
         let read = |name: &str| {
-            let path = Path::new(name);
+            let path = &*terrane_files::path_of(name);
             if heights == Heights::Ellipsoidal {
                 return Err(Error::usage(
                     "the heights of the grid are counted from the ellipsoid already",
@@ -97,7 +97,7 @@ impl Lift {
                 .in_file(path)
                 .remedy("leave --geoid out"));
             }
-            read_geoid(path, resources).map(Arc::new)
+            geoid::read(path, resources).map(Arc::new)
         };
         let geoid = geoid.map(read).transpose()?;
         Ok((Self { metres, geoid }, unit.is_some()))

@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Resources;
+use crate::{Resources, geoid};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
-use terrane_crs::{Geoid, Operation, Options, ShiftGrid};
+use terrane_crs::{Operation, Options, ShiftGrid};
 use terrane_files::RawFile;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridInfo;
@@ -23,7 +23,7 @@ pub struct Transform {
     pub target: String,
     /// A grid of shifts between the datums (NTv2).
     pub shift_grid: Option<PathBuf>,
-    /// Heights of a geoid above the ellipsoid (GTX).
+    /// Heights of a geoid above the ellipsoid (GTX or GeoTIFF).
     pub geoid: Option<PathBuf>,
 }
 
@@ -40,7 +40,7 @@ pub struct Transformed {
 }
 
 /// A grid of shifts or a geoid may take one part in so many of the memory, beside what is divided.
-const SHARE: u64 = 8;
+pub(crate) const SHARE: u64 = 8;
 
 impl Transformed {
     pub(crate) fn of(operation: &Operation) -> Self {
@@ -78,26 +78,22 @@ impl Transform {
         let shift_grid = self.shift_grid.as_ref().map(|path| {
             ShiftGrid::of_ntv2(&read(path, resources)?).map(Arc::new).map_err(|e| e.in_file(path))
         });
-        let geoid = self.geoid.as_ref().map(|path| read_geoid(path, resources).map(Arc::new));
+        let geoid = self.geoid.as_ref().map(|path| geoid::read(path, resources).map(Arc::new));
         let options =
             Options { extent, shift_grid: shift_grid.transpose()?, geoid: geoid.transpose()? };
         Operation::between(from, &wkt::of_srs(&self.target), &options)
     }
 }
 
-/// The heights of a geoid, of a GTX file that takes a small part of the memory.
-pub(crate) fn read_geoid(path: &Path, resources: &Resources) -> Result<Geoid> {
-    Geoid::of_gtx(&read(path, resources)?).map_err(|e| e.in_file(path))
-}
-
-fn read(path: &Path, resources: &Resources) -> Result<Vec<u8>> {
+/// All of a file that takes a small part of the memory.
+pub(crate) fn read(path: &Path, resources: &Resources) -> Result<Vec<u8>> {
     let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
     check_room(file.size(), resources.memory).map_err(|e| e.in_file(path))?;
     file.read_vec(0, file.size())
 }
 
 /// Fails where a file that is held whole leaves too little memory for the rest.
-fn check_room(bytes: u64, memory: u64) -> Result<()> {
+pub(crate) fn check_room(bytes: u64, memory: u64) -> Result<()> {
     let needed = bytes.saturating_mul(SHARE);
     if needed <= memory {
         return Ok(());

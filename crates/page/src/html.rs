@@ -30,6 +30,7 @@ pub const TEMPLATES: &[Template] = &[
         scripts: &[
             include_str!("../web/common.js"),
             include_str!("../web/camera.js"),
+            include_str!("../web/tools.js"),
             include_str!("../web/surface_index.js"),
             include_str!("../web/surface_draw.js"),
             include_str!("../web/surface.js"),
@@ -64,11 +65,14 @@ pub const TEMPLATES: &[Template] = &[
         scripts: &[
             include_str!("../web/common.js"),
             include_str!("../web/camera.js"),
+            include_str!("../web/tools.js"),
             include_str!("../web/globe.js"),
+            include_str!("../web/tiles_ask.js"),
             include_str!("../web/tiles_decode.js"),
             include_str!("../web/tiles_three.js"),
             include_str!("../web/tiles_stream.js"),
             include_str!("../web/tiles_draw.js"),
+            include_str!("../web/tiles_section.js"),
             include_str!("../web/tiles.js"),
         ],
         asks: true,

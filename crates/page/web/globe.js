@@ -6,6 +6,9 @@ const SQUASH = FLATTENING * (2 - FLATTENING); // of the squared axes
 const RADIANS = Math.PI / 180;
 const plus = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 
+/** Degrees of longitude as -180 to 180. */
+const around = (degrees) => ((((degrees + 180) % 360) + 360) % 360) - 180;
+
 /** What is at right angles to the ellipsoid. */
 function upright(lon, lat) {
   const flat = Math.cos(lat * RADIANS);
@@ -30,6 +33,61 @@ function geodetic([x, y, z]) {
   const sine = Math.sin(lat);
   const height = flat * Math.cos(lat) + z * sine - EQUATOR * Math.sqrt(1 - SQUASH * sine * sine);
   return [Math.atan2(y, x) / RADIANS, lat / RADIANS, height];
+}
+
+/** The integral of a function from one number to another (Gauss's rule of three places, in pieces). */
+function integral(of, from, to) {
+  const pieces = 32;
+  const half = (to - from) / pieces / 2;
+  const off = half * Math.sqrt(0.6);
+  let sum = 0;
+  for (let i = 0; i < pieces; i++) {
+    const middle = from + (2 * i + 1) * half;
+    sum += (5 * of(middle - off) + 8 * of(middle) + 5 * of(middle + off)) / 9;
+  }
+  return sum * half;
+}
+
+/** Metres of the shortest way along the ellipsoid between two places in degrees. Of all ways that leave the place further
+ * from the equator, just one meets the latitude of the other at its longitude; its direction is found by halving (Karney
+ * 2013, Algorithms for geodesics), so that places on opposite sides of the globe are no trouble. */
+function geodesic([lon, lat], [toLon, toLat]) {
+  const wide = Math.abs(around(toLon - lon)) * RADIANS;
+  // Latitudes on the sphere beside the ellipsoid; the first is south.
+  const reduced = [lat, toLat].map((of) => Math.atan((1 - FLATTENING) * Math.tan(of * RADIANS)));
+  const [a, b] = reduced.sort((one, other) => Math.abs(other) - Math.abs(one));
+  const [first, second] = a > 0 ? [-a, -b] : [a, b];
+  if (first === 0 && wide <= (1 - FLATTENING) * Math.PI) return EQUATOR * wide;
+  const flat = Math.cos(first);
+  const spread = Math.sin(second - first) * Math.sin(second + first);
+  /** The way that leaves so far south of east: from where to where along the sphere, how stretched, how far round. */
+  const way = (turn) => {
+    const east = Math.cos(turn) * flat; // of its direction at the equator
+    const north = -Math.sin(turn) * flat;
+    const rise = (SQUASH / (1 - SQUASH)) * (1 - east * east);
+    const stretch = (at) => Math.sqrt(1 + rise * Math.sin(at) ** 2);
+    const begin = Math.atan2(Math.sin(first) || -Number.MIN_VALUE, north);
+    const end = Math.atan2(Math.sin(second), Math.sqrt(Math.max(0, north * north - spread)));
+    const round = (at) => Math.atan2(east * Math.sin(at), Math.cos(at));
+    const lag = integral((at) => (2 - FLATTENING) / (1 + (1 - FLATTENING) * stretch(at)), begin, end);
+    return { begin, end, stretch, round: round(end) - round(begin) - FLATTENING * east * lag };
+  };
+  let [low, high] = [-Math.PI / 2, Math.PI / 2];
+  while (true) {
+    const turn = (low + high) / 2;
+    const { begin, end, stretch, round } = way(turn);
+    if (turn === low || turn === high) return (1 - FLATTENING) * EQUATOR * integral(stretch, begin, end);
+    if (round < wide) low = turn; else high = turn;
+  }
+}
+
+/** Whether the globe is between the eye and a place, in earth-centred metres; what is near its rim counts as seen. */
+function isBehind(eye, place) {
+  const round = ([x, y, z]) => [x, y, z / (1 - FLATTENING)].map((v) => v / (0.99 * EQUATOR));
+  const [from, to] = [round(eye), round(place)];
+  const way = minus(to, from);
+  const nearest = -dot(from, way) / dot(way, way);
+  return nearest > 0 && nearest < 1 && Math.hypot(...along(from, way, nearest)) < 1;
 }
 
 /** East, north and up at a place on the ellipsoid. */

@@ -8,11 +8,8 @@ const shown = {
   colour: 1, wire: false, facets: false, walls: true, exaggeration: 1, azimuth: facts.azimuth, altitude: facts.altitude,
 };
 let drawing, camera, index, scene, floats;
-let tool = null;
-let places = [];
 let flying = false;
 let dirty = true;
-let profile = null;
 
 async function start() {
   setPanel();
@@ -155,25 +152,6 @@ function tellPlace(found) {
 
 const tellError = (error) => (Number.isNaN(error) ? 'no sample in it' : num(error, facts.told_steps[1] / 10) + ' ' + facts.units[1]);
 
-/** Metres between two places: in plan, and in space. */
-function apart(a, b) {
-  const d = [0, 1, 2].map((k) => (b[k] - a[k]) * facts.ground[k]);
-  return { plan: Math.hypot(d[0], d[1]), space: Math.hypot(...d), up: b[2] - a[2] };
-}
-
-function tellMeasure() {
-  const pairs = places.slice(1).map((place, i) => apart(places[i], place));
-  if (pairs.length === 0) return tell([['Measure', places.length ? 'click the next place' : 'click places on the surface']]);
-  const sum = (key) => pairs.reduce((all, pair) => all + pair[key], 0);
-  const list = [['Length in plan', metres(sum('plan'))], ['in space', metres(sum('space'))],
-    ['Height', (sum('up') >= 0 ? '+' : '') + num(sum('up'), facts.told_steps[1]) + ' ' + facts.units[1]]];
-  const last = pairs[pairs.length - 1];
-  const grade = (last.up * facts.ground[2] * 100) / last.plan;
-  list.push(['Grade of the last', num(grade, 0.1) + ' %']);
-  if (places.length > 2) list.push(['Area in plan', areaOf(places)]);
-  tell(list);
-}
-
 /** The area within a line that is closed, in plan. */
 function areaOf(list) {
   const twice = list.reduce((sum, a, i) => {
@@ -185,138 +163,26 @@ function areaOf(list) {
 
 const area = (value) => (value >= 1e6 ? num(value / 1e6, 0.01) + ' km²' : value >= 1e4 ? num(value / 1e4, 0.01) + ' ha' : num(value, 0.1) + ' m²');
 
-function drawOver() {
-  const [context] = plane($('over'));
-  const shape = profile ? [profile.from, profile.to] : places;
-  const seen = shape.map(toView);
-  context.lineWidth = 2.5;
-  context.lineJoin = 'round';
-  const line = (points, colour) => {
-    context.strokeStyle = colour;
-    context.beginPath();
-    points.forEach((p, i) => p && (i ? context.lineTo(...p) : context.moveTo(...p)));
-    context.stroke();
-  };
-  if (profile) line(profile.line.map(([, place]) => toView(place)), '#c8553d');
-  else line(seen, '#c8553d');
-  for (const at of seen) if (at) dotAt(context, at);
-  if (profile?.mark) { const at = toView(profile.mark); if (at) dotAt(context, at); }
+function apart(a, b) {
+  const d = [0, 1, 2].map((k) => (b[k] - a[k]) * facts.ground[k]);
+  return { level: Math.hypot(d[0], d[1]), space: Math.hypot(...d), up: b[2] - a[2], rise: d[2] };
 }
 
-function dotAt(context, [x, y]) {
-  context.beginPath();
-  context.arc(x, y, 4.5, 0, 7);
-  context.fillStyle = '#fff';
-  context.fill();
-  context.strokeStyle = '#c8553d';
-  context.stroke();
-}
-
-// ---- sections
-
-function makeProfile() {
-  const [from, to] = places;
-  const pieces = index.section(from, to);
-  const at = (share, height) => [from[0] + (to[0] - from[0]) * share, from[1] + (to[1] - from[1]) * share, height];
-  const line = pieces.flat().map(([share, height]) => [share, at(share, height)]);
-  profile = { from, to, pieces, line, length: apart(from, to).plan };
-  $('sheet').hidden = false;
-  tell([['Section', 'point at it to read it, click for another']]);
-  drawProfile();
-  dirty = true;
-}
-
-function drawProfile(mark) {
-  const [context, width, height] = plane($('profile'));
-  const heights = profile.pieces.flat().map(([, z]) => z);
-  if (heights.length === 0) { $('profile-told').textContent = 'There is no surface on this line'; return; }
-  const [low, high] = [Math.min(...heights.slice(0, 1e5)), Math.max(...heights.slice(0, 1e5))];
-  const room = { left: 50, right: width - 8, top: 8, bottom: height - 20 };
-  const px = (share) => room.left + share * (room.right - room.left);
-  const py = (z) => room.bottom - ((z - low) / (high - low || 1)) * (room.bottom - room.top);
-  context.fillStyle = '#5b6876';
-  context.strokeStyle = 'rgba(29,39,51,.12)';
-  context.lineWidth = 1;
-  const marks = ticks(low, high, 4);
-  for (const z of marks) {
-    context.beginPath(); context.moveTo(room.left, py(z)); context.lineTo(room.right, py(z)); context.stroke();
-    context.textAlign = 'right';
-    context.fillText(num(z, marks[1] - marks[0] || 1), room.left - 6, py(z) + 4);
-  }
-  context.textAlign = 'center';
-  const lengths = ticks(0, profile.length, 6);
-  for (const at of lengths) context.fillText(num(at, lengths[1] || 1), px(at / profile.length), height - 4);
-  for (const fill of [true, false]) {
-    context.beginPath();
-    let end = -1;
-    for (const [a, b] of profile.pieces) {
-      if (Math.abs(a[0] - end) > 1e-9) {
-        if (fill && end >= 0) context.lineTo(px(end), room.bottom);
-        context.moveTo(px(a[0]), fill ? room.bottom : py(a[1]));
-        context.lineTo(px(a[0]), py(a[1]));
-      }
-      context.lineTo(px(b[0]), py(b[1]));
-      end = b[0];
-    }
-    if (fill) { context.lineTo(px(end), room.bottom); context.fillStyle = 'rgba(28,110,140,.16)'; context.fill(); }
-    else { context.strokeStyle = '#1c6e8c'; context.lineWidth = 1.8; context.stroke(); }
-  }
-  if (mark) { context.lineWidth = 2.5; dotAt(context, [px(mark[0]), py(mark[1])]); }
-  const told = mark ? `${metres(mark[0] * profile.length)}: ${num(mark[1], facts.told_steps[1])} ${facts.units[1]}`
-    : `${metres(profile.length)} long, ${num(low, facts.told_steps[1])} to ${num(high, facts.told_steps[1])} ${facts.units[1]}`;
-  $('profile-told').textContent = 'Section: ' + told;
-}
-
-function followProfile(event) {
-  const width = $('profile').clientWidth - 58;
-  const share = (event.clientX - $('profile').getBoundingClientRect().left - 50) / width;
-  const piece = profile.pieces.find(([a, b]) => share >= a[0] && share <= b[0]);
-  profile.mark = null;
-  if (piece) {
-    const [a, b] = piece;
-    const z = a[1] + ((b[1] - a[1]) * (share - a[0])) / (b[0] - a[0]);
-    profile.mark = [0, 1].map((k) => profile.from[k] + (profile.to[k] - profile.from[k]) * share).concat(z);
-    drawProfile([share, z]);
-  } else drawProfile();
-  dirty = true;
-}
-
-function saveProfile() {
-  const lines = profile.line.map(([share, place]) => [share * profile.length, ...place].join(','));
-  const link = element('a');
-  link.href = URL.createObjectURL(new Blob(['distance_m,x,y,height\n' + lines.join('\n') + '\n'], { type: 'text/csv' }));
-  link.download = 'section.csv';
-  link.click();
-  URL.revokeObjectURL(link.href);
-}
+/** What the tools ask of this page. */
+const terrain = {
+  columns: 'x,y,height', level: 'in plan', apart, areaOf,
+  get unit() { return facts.units[1]; },
+  get step() { return facts.told_steps[1]; },
+  placeOf: ({ x, y, z }) => [x, y, z],
+  between: (a, b, share) => along(a, minus(b, a), share),
+  trace: (a, b) => [a, b],
+  section: (from, to) => {
+    const place = ([share, height]) => [share, [...along(from, minus(to, from), share).slice(0, 2), height]];
+    return { pieces: index.section(from, to).map((piece) => piece.map(place)) };
+  },
+};
 
 // ---- controls
-
-function choose(next) {
-  tool = tool === next ? null : next;
-  places = [];
-  profile = null;
-  $('sheet').hidden = true;
-  press($('measure'), tool === 'measure');
-  press($('section'), tool === 'section');
-  $('view').classList.toggle('pick', tool !== null);
-  if (tool === 'measure') tellMeasure();
-  else if (tool === 'section') tell([['Section', 'click its first end']]);
-  else tellPlace(null);
-  dirty = true;
-}
-
-function clicked(px, py) {
-  const found = under(px, py);
-  if (!found) return;
-  if (tool === null) return tellPlace(found);
-  if (tool === 'section' && places.length === 2) places = [];
-  places.push([found.x, found.y, found.z]);
-  if (tool === 'measure') tellMeasure();
-  else if (places.length === 2) makeProfile();
-  else { profile = null; tell([['Section', 'click its other end']]); }
-  dirty = true;
-}
 
 function setColour(colour) {
   if (colour === 3 && !floats) return;
@@ -345,15 +211,11 @@ function setControls() {
   }
   $('exaggeration').addEventListener('input', (event) => setExaggeration(2 ** event.target.value));
   $('light').addEventListener('input', (event) => setLight(Number(event.target.value)));
-  $('measure').addEventListener('click', () => choose('measure'));
-  $('section').addEventListener('click', () => choose('section'));
+  setTools();
   $('flight').addEventListener('click', () => setFlight(!flying));
   $('top').addEventListener('click', () => { camera.top(); dirty = true; });
   $('home').addEventListener('click', () => { camera.reset(); dirty = true; });
   $('compass').addEventListener('click', () => { camera.yaw = 0; dirty = true; });
-  $('shut').addEventListener('click', () => choose(null));
-  $('save').addEventListener('click', saveProfile);
-  $('profile').addEventListener('pointermove', followProfile);
   gestures($('view'), {
     drag: (dx, dy, kind) => {
       const height = $('view').clientHeight;
@@ -377,12 +239,11 @@ function setControls() {
 
 const KEYS = {
   1: () => setColour(1), 2: () => setColour(2), 3: () => setColour(3), 4: () => setColour(0),
-  e: () => flip('wire'), g: () => flip('facets'), b: () => flip('walls'), m: () => choose('measure'), p: () => choose('section'),
+  e: () => flip('wire'), g: () => flip('facets'), b: () => flip('walls'),
   f: () => setFlight(!flying), r: () => camera.reset(), t: () => camera.top(), n: () => { camera.yaw = 0; },
   '+': () => setExaggeration(shown.exaggeration * 1.25), '=': () => setExaggeration(shown.exaggeration * 1.25),
   '-': () => setExaggeration(shown.exaggeration / 1.25),
-  backspace: () => { if (tool === 'measure') { places.pop(); tellMeasure(); } },
-  escape: () => { if (tool !== null) choose(tool); },
+  ...TOOL_KEYS,
 };
 
 function keyed(event) {

@@ -88,9 +88,11 @@ function told(found, exaggeration) {
     scene: camera.frame.local(plus(mesh.middle, of(bentPlaces(mesh, exaggeration)))) };
 }
 
-/** Where a place on the globe is seen. */
-function toView(lon, lat, height) {
-  const place = minus(camera.frame.local(earthCentred(lon, lat, height * shown.exaggeration)), camera.eye);
+/** Where a place on the globe is seen: null behind the eye or the globe. */
+function toView([lon, lat, height]) {
+  const world = earthCentred(lon, lat, height * shown.exaggeration);
+  if (isBehind(camera.frame.world(camera.eye), world)) return null;
+  const place = minus(camera.frame.local(world), camera.eye);
   const m = camera.matrix;
   const [x, y, , w] = [0, 1, 2, 3].map((r) => m[r] * place[0] + m[4 + r] * place[1] + m[8 + r] * place[2] + m[12 + r]);
   const { clientWidth, clientHeight } = $('view');
@@ -101,8 +103,41 @@ function tellPlace(found) {
   if (!found) return tell([['', 'point at the terrain']]);
   tell([['Lon', num(found.lon, DEGREE_STEP) + '°'], ['Lat', num(found.lat, DEGREE_STEP) + '°'],
     ['Height', num(found.height, 0.1) + ' m'], ['Slope', num(found.slope, 0.1) + '°'],
-    ['Level', String(found.level)], ['Error', '≤ ' + num(found.error, found.error < 10 ? 0.01 : 0.1) + ' m']]);
+    ['Level', String(found.level)], ['Error', tellError(found.error)]]);
 }
+
+// ---- measuring and sections
+
+/** Pieces that a line between two places is drawn with. */
+const TRACE = 64;
+
+/** What the tools ask of this page; heights are above the ellipsoid. */
+const terrain = {
+  columns: 'lon,lat,height', level: 'on the ellipsoid', unit: 'm', step: 0.1,
+  placeOf: ({ lon, lat, height }) => [lon, lat, height],
+  apart: (a, b) => ({ level: geodesic(a, b), space: Math.hypot(...minus(earthCentred(...b), earthCentred(...a))),
+    up: b[2] - a[2], rise: b[2] - a[2] }),
+  between: straight,
+  trace: (a, b) => Array.from({ length: TRACE + 1 }, (_, i) => {
+    const [lon, lat] = straight(a, b, i / TRACE);
+    return [lon, lat, a[2] + ((b[2] - a[2]) * i) / TRACE];
+  }),
+  section: (from, to) => {
+    const { pieces, error } = sectionOf(stream.draws, new SectionLine(from, to), set.bounds);
+    return { pieces, note: pieces.length ? 'error ' + tellError(error) : '' };
+  },
+};
+
+/** A section follows the tiles that are shown. */
+let sectioned = '';
+function followSection() {
+  if (!profile) return;
+  const now = covering().map(({ tile, quarters }) => tile.name + ':' + quarters).join();
+  if (now !== sectioned) renewProfile();
+  sectioned = now;
+}
+
+const tellError = (error) => '≤ ' + num(error, error < 10 ? 0.01 : 0.1) + ' m';
 
 // ---- colours
 
@@ -199,6 +234,7 @@ function setControls() {
   $('allowed').addEventListener('input', (event) => setAllowed(2 ** event.target.value));
   $('exaggeration').addEventListener('input', (event) => { natural = false; setExaggeration(2 ** event.target.value); });
   $('light').addEventListener('input', (event) => setLight(Number(event.target.value)));
+  setTools();
   $('flight').addEventListener('click', () => setFlight(!flying));
   $('top').addEventListener('click', () => { camera.top(); dirty = true; });
   $('home').addEventListener('click', home);
@@ -219,7 +255,7 @@ function setControls() {
     },
     twist: (angle) => { camera.turn(-angle, 0); dirty = true; },
     hover: (px, py) => { pointer = Number.isNaN(px) ? null : [px, py]; dirty = true; },
-    click: (px, py) => { pointer = [px, py]; dirty = true; },
+    click: (px, py) => { pointer = [px, py]; clicked(px, py); },
   });
   window.addEventListener('keydown', keyed);
   setColour(shown.colour);
@@ -235,6 +271,7 @@ const KEYS = {
   f: () => setFlight(!flying), r: home, t: () => camera.top(), n: () => { camera.yaw = 0; },
   ',': () => setAllowed(shown.allowed / 1.4), '.': () => setAllowed(shown.allowed * 1.4),
   '+': () => stretch(1.25), '=': () => stretch(1.25), '-': () => stretch(0.8),
+  ...TOOL_KEYS,
 };
 
 function stretch(by) {
@@ -257,6 +294,7 @@ function resize() {
   canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
   camera.aspect = canvas.width / canvas.height;
   camera.shift = canvas.clientWidth > 720 ? 272 / canvas.clientWidth : 0;
+  if (profile) drawProfile();
   dirty = true;
 }
 
@@ -288,7 +326,7 @@ function follow() {
 
 const failures = () => [...stream.failures, ...set.failures()];
 
-const isIdle = () => stream.waiting === 0 && stream.loading.size === 0;
+const isIdle = () => stream.waiting === 0 && stream.asker.isIdle;
 
 function render() {
   view = viewOf();
@@ -300,7 +338,9 @@ function render() {
   paint();
   drawing.draw(camera, draws, how());
   drawCompass(camera);
-  tellPlace(pointer && under(...pointer));
+  followSection();
+  drawOver();
+  if (tool === null) tellPlace(pointer && under(...pointer));
   tellFigures();
   if (document.body.dataset.state !== 'ready' && draws.length > 0) {
     $('wait').hidden = true;
@@ -315,8 +355,8 @@ function figures() {
   const own = covering();
   const levels = own.map(({ tile }) => tile.level);
   return {
-    drawn: own.length, loaded: stream.ready.size, loading: stream.waiting, triangles: drawing.triangles, bytes: stream.bytes,
-    received: stream.received, pixels: Math.max(0, ...own.map((draw) => draw.pixels)), strain: stream.strain,
+    drawn: own.length, loaded: stream.ready.size, loading: stream.waiting, again: stream.asker.paused, triangles: drawing.triangles, bytes: stream.bytes,
+    received: stream.asker.received, pixels: Math.max(0, ...own.map((draw) => draw.pixels)), strain: stream.strain,
     levels: [Math.min(...levels), Math.max(...levels)], failures: failures().length,
   };
 }
@@ -335,6 +375,7 @@ function tellFigures() {
   ]);
   const notes = [];
   if (now.strain > 1) notes.push('Tiles are coarser than asked for: finer ones do not fit into memory.');
+  if (now.again) notes.push(`${now.again} requests failed and are made again soon.`);
   if (now.failures) notes.push(`${now.failures} tiles cannot be shown, first ${failures()[0]}.`);
   $('notes').textContent = notes.join(' ');
 }
@@ -353,7 +394,7 @@ function frame(now) {
 
 /** For scripts: what is shown, the terrain at a place and under a pixel, what is loaded, and the picture. */
 window.terrane = {
-  facts, shown, at, under, toView, figures, stream: () => stream, camera: () => camera,
+  facts, shown, at, under, toView, geodesic, figures, section: (from, to) => terrain.section(from, to).pieces, places: () => places, profile: () => profile, stream: () => stream, camera: () => camera,
   isIdle: () => !dirty && isIdle(),
   drawn: () => covering().map(({ tile, quarters, pixels }) => ({ level: tile.level, x: tile.x, y: tile.y, quarters, pixels, error: tile.error })),
   look: (lon, lat, distance, height = 0) => { touched = true; camera.look(lon, lat, distance, height * shown.exaggeration); dirty = true; },

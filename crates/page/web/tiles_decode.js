@@ -100,7 +100,7 @@ class TileSet {
     this.levels = layer.available;
     this.last = this.levels.length - 1;
     this.bounds = layer.bounds ?? [-180, -90, 180, 90];
-    this.loading = 0; // requests of its own
+    this.asker = new Asker();
   }
 
   has(level, x, y) {

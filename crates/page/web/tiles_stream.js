@@ -1,7 +1,5 @@
 // Which tiles are drawn, loaded and let go: the coarsest that look right from where the eye is.
 
-/** Requests under way at once: as many as browsers make of one server. */
-const MOST_REQUESTS = 6;
 /** Which quarter of a tile a tile below it is: bit 0 for the east, bit 1 for the north. */
 const QUARTERS = [0, 1, 2, 3];
 const ALL_QUARTERS = 15;
@@ -31,9 +29,9 @@ class TileStream {
     this.roots = [0, 1].map((x) => new Tile(0, x, 0, ANY_HEIGHT));
     this.ready = new Set();
     this.loading = new Set();
+    this.asker = set.asker;
     this.most = 256 << 20; // bytes
     this.bytes = 0;
-    this.received = 0;
     this.failures = [];
     this.turn = 0;
     this.strain = 1; // what the error allowed is multiplied with where tiles do not fit
@@ -139,7 +137,7 @@ class TileStream {
     const { west, south, width, heights } = tile;
     const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
     const half = width / 2;
-    const off = ((((lon - west - half) % 360) + 540) % 360) - 180;
+    const off = around(lon - west - half);
     const near = earthCentred(west + half + clamp(off, -half, half), clamp(lat, south, south + width),
       clamp(height, heights[0] * exaggeration, heights[1] * exaggeration));
     return Math.max(1, Math.hypot(...minus(near, eye)));
@@ -156,7 +154,7 @@ class TileStream {
   ask() {
     for (const tile of this.loading) if (tile.wanted !== this.turn) tile.abort.abort();
     const list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => b.urgency - a.urgency);
-    for (const tile of list.slice(0, Math.max(0, this.room))) this.load(tile);
+    for (const tile of list.slice(0, Math.max(0, this.asker.room))) this.load(tile);
   }
 
   async load(tile) {
@@ -164,28 +162,28 @@ class TileStream {
     tile.abort = new AbortController();
     this.loading.add(tile);
     try {
-      const answer = await fetch(this.set.address(tile), { signal: tile.abort.signal });
-      if (!answer.ok) throw new Error(answer.status + ' ' + answer.statusText);
-      const buffer = await answer.arrayBuffer();
-      this.received += Number(answer.headers.get('content-length')) || buffer.byteLength;
+      const buffer = await this.asker.get(this.set.address(tile), tile.abort.signal);
       this.take(tile, this.set.decode(buffer, tile));
     } catch (error) {
-      tile.state = tile.abort.signal.aborted ? 'none' : 'failed';
-      if (tile.state === 'failed') this.failures.push(tile.name + ': ' + error.message);
+      tile.state = 'none';
+      if (!tile.abort.signal.aborted) this.failed(tile, error);
     }
     this.loading.delete(tile);
     this.more();
+  }
+
+  /** Asks for a tile again later, or never. */
+  failed(tile, error) {
+    const again = () => { tile.state = 'none'; this.more(); };
+    const told = this.asker.later(this.set.address(tile), error, again);
+    tile.state = told ? 'failed' : 'paused';
+    if (told) this.failures.push(tile.name + ': ' + told);
   }
 
   /** Something came: what can be asked for now is, and not only when this has been drawn. */
   more() {
     this.update(this.view);
     this.changed();
-  }
-
-  /** Requests that may be made. */
-  get room() {
-    return MOST_REQUESTS - this.loading.size - this.set.loading;
   }
 
   take(tile, mesh) {

@@ -60,33 +60,30 @@ class ThreeTiles {
     this.bounds = terrane.bounds;
     this.count = terrane.levels.reduce((sum, level) => sum + level.tiles, 0);
     this.subtrees = new Map();
-    this.loading = 0;
+    this.asker = new Asker();
   }
 
   address({ level, x, y }, ending = 'glb') {
     return `${HALVES[x >> level]}/${level}/${x & (2 ** level - 1)}/${y}.${ending}`;
   }
 
-  /** The subtree that a tile is in; null until it is loaded, for which `stream` has to have room. */
+  /** The subtree that a tile is in; null until it is loaded, after which `stream` is told. */
   subtree({ level, x, y }, stream) {
     const by = level % this.depth;
     const top = { level: level - by, x: x >> by, y: y >> by };
     const name = this.address(top, 'subtree');
-    if (!this.subtrees.has(name) && stream.room > 0) this.load(name, top).then(() => stream.more());
+    if (!this.subtrees.has(name) && this.asker.room > 0) this.load(name, top, stream).then(() => stream.more());
     return this.subtrees.get(name) ?? null;
   }
 
-  async load(name, top) {
+  async load(name, top, stream) {
     this.subtrees.set(name, null);
-    this.loading++;
     try {
-      const answer = await fetch(name);
-      if (!answer.ok) throw new Error(answer.status + ' ' + answer.statusText);
-      this.subtrees.set(name, new Subtree(await answer.arrayBuffer(), top, this.depth));
+      this.subtrees.set(name, new Subtree(await this.asker.get(name), top, this.depth));
     } catch (error) {
-      this.subtrees.set(name, { failed: `${name}: ${error.message}` });
+      const told = this.asker.later(name, error, () => { this.subtrees.delete(name); stream.more(); });
+      if (told) this.subtrees.set(name, { failed: `${name}: ${told}` });
     }
-    this.loading--;
   }
 
   /** Whether there is a tile; null while that is not known. */

@@ -21,7 +21,7 @@ pub(crate) struct System {
     /// Grid of shifts between the datums of the two systems: an NTv2 file (.gsb)
     #[arg(long, value_name = "FILE", requires = "to_crs")]
     shift_grid: Option<PathBuf>,
-    /// Heights of a geoid above the ellipsoid (a GTX file), for systems that count heights from
+    /// Heights of a geoid above the ellipsoid (GTX or GeoTIFF), for systems that count heights from
     /// different ones of the two
     #[arg(long, value_name = "FILE", requires = "to_crs")]
     geoid: Option<PathBuf>,

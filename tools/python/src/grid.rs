@@ -7,7 +7,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use terrane::{
-    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, SampleType, TinBuilder,
+    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, SampleType, TilesFormat,
+    TinBuilder,
 };
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
@@ -81,6 +82,45 @@ impl Asked {
         let builder = builder.bound(bound).strict(self.strict).drop_redundant(self.drop);
         Ok(builder.fit(self.fit).data_dependent(self.data_dependent).tile(self.tile))
     }
+}
+
+/// The system that an output is to be in, as Python has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct System {
+    to_crs: Option<String>,
+    shift_grid: Option<PathBuf>,
+    geoid: Option<PathBuf>,
+}
+
+/// Gives a builder what `system` says.
+macro_rules! with_system {
+    ($builder:expr, $system:expr) => {{
+        let (System { to_crs, shift_grid, geoid }, mut builder) = ($system, $builder);
+        if let Some(target) = to_crs {
+            builder = builder.to_crs(target);
+        }
+        if let Some(file) = shift_grid {
+            builder = builder.shift_grid(file);
+        }
+        if let Some(file) = geoid {
+            builder = builder.geoid(file);
+        }
+        builder
+    }};
+}
+
+/// What tiles are to be, as Python has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct AskedTiles {
+    formats: Vec<String>,
+    geoid: Option<PathBuf>,
+    max_level: Option<u8>,
+    tile_edges: bool,
+    meshopt: bool,
+    normals: bool,
+    compress: bool,
 }
 
 /// The inputs that names stand for.
@@ -200,11 +240,13 @@ impl Grid {
         asked: Asked,
         format: Option<String>,
         split: Option<u32>,
+        system: System,
         overwrite: bool,
         settings: Settings,
     ) -> PyResult<Bound<'py, PyAny>> {
         let report = run(py, settings, |machine| {
-            let mut builder = with_machine!(asked.of(self.0.tin())?, machine).overwrite(overwrite);
+            let builder = with_machine!(asked.of(self.0.tin())?, machine).overwrite(overwrite);
+            let mut builder = with_system!(builder, system);
             if let Some(format) = format {
                 builder = builder.format(format);
             }
@@ -279,11 +321,13 @@ impl Grid {
         tolerance: Option<f64>,
         with_z: bool,
         format: Option<String>,
+        system: System,
         overwrite: bool,
         settings: Settings,
     ) -> PyResult<Bound<'py, PyAny>> {
         let report = run(py, settings, |machine| {
-            let mut builder = with_machine!(self.0.contours(), machine).with_z(with_z);
+            let builder = with_machine!(self.0.contours(), machine).with_z(with_z);
+            let mut builder = with_system!(builder, system);
             if let Some(interval) = every {
                 builder = builder.every(interval);
             }
@@ -295,6 +339,32 @@ impl Grid {
             }
             if let Some(format) = format {
                 builder = builder.format(format);
+            }
+            builder.overwrite(overwrite).write(path)
+        })?;
+        dictionary(py, &report)
+    }
+
+    fn tiles<'py>(
+        &self,
+        py: Python<'py>,
+        path: PathBuf,
+        asked: AskedTiles,
+        overwrite: bool,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let report = run(py, settings, |machine| {
+            let mut builder = with_machine!(self.0.tiles(), machine)
+                .formats(&tile_formats(&asked.formats)?)
+                .tile_edges(asked.tile_edges)
+                .meshopt(asked.meshopt)
+                .normals(asked.normals)
+                .compress(asked.compress);
+            if let Some(file) = asked.geoid {
+                builder = builder.geoid(name_of(file)?);
+            }
+            if let Some(level) = asked.max_level {
+                builder = builder.max_level(level);
             }
             builder.overwrite(overwrite).write(path)
         })?;
@@ -329,6 +399,16 @@ impl Grid {
         })?;
         dictionary(py, &report)
     }
+}
+
+/// The formats of tiles by their names.
+fn tile_formats(names: &[String]) -> terrane::Result<Vec<TilesFormat>> {
+    let unknown = |name: &str| {
+        terrane::Error::usage(format!("{name:?} is no format of tiles"))
+            .remedy("choose \"quantized-mesh\" or \"3dtiles\"")
+    };
+    let named = |name: &String| TilesFormat::named(name).ok_or_else(|| unknown(name));
+    names.iter().map(named).collect()
 }
 
 impl Grid {

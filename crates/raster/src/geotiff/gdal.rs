@@ -7,13 +7,15 @@ use terrane_base::error::{Error, Result};
 use super::ifd::Directory;
 use super::tags;
 
-/// Per-band facts.
-#[derive(Clone, Debug, PartialEq)]
+/// Facts of a band, and what kind of grid it is of.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct BandItems {
     pub(super) scale: f64,
     pub(super) offset: f64,
     pub(super) unit: Option<String>,
     pub(super) description: Option<String>,
+    /// As geodetic grids state it: `VERTICAL_OFFSET_GEOGRAPHIC_TO_VERTICAL`, for one.
+    pub(super) kind: Option<String>,
 }
 
 /// The declared nodata value.
@@ -41,10 +43,13 @@ pub(super) fn band_items(directory: &Directory<'_>, band: u32) -> Result<BandIte
 }
 
 fn items_of(text: &str, band: u32) -> Result<BandItems> {
-    let mut found = BandItems { scale: 1.0, offset: 0.0, unit: None, description: None };
+    let mut found = BandItems { scale: 1.0, ..BandItems::default() };
     let sample = (band - 1).to_string();
     for Node { tag, text, .. } in items(text).map_err(|e| e.at("tag GDAL_METADATA"))? {
         if tag.attribute("sample") != Some(&sample) {
+            if tag.attribute("name") == Some("TYPE") && tag.attribute("sample").is_none() {
+                found.kind = Some(text);
+            }
             continue;
         }
         match tag.attribute("role") {
@@ -96,6 +101,7 @@ mod tests {
     fn items_belong_to_their_band() {
         let first = items_of(XML, 1).unwrap();
         assert_eq!((first.scale, first.offset, first.unit), (0.001, -5.0, None));
+        assert_eq!(first.kind.as_deref(), Some("HEIGHT"), "of the whole file");
         let second = items_of(XML, 2).unwrap();
         assert_eq!((second.scale, second.offset), (1.0, 0.0));
         assert_eq!(second.unit.as_deref(), Some("a <b> &lt;"));

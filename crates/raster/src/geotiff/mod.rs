@@ -192,8 +192,8 @@ fn details(
     let kind = if directory.big { "BigTIFF" } else { "classic TIFF" };
     let mut details = vec![("container".to_owned(), kind.to_owned())];
     details.extend(layout.details());
-    if let Some(description) = &items.description {
-        details.push(("band description".to_owned(), description.clone()));
+    for (name, text) in [("grid type", &items.kind), ("band description", &items.description)] {
+        details.extend(text.iter().map(|text| (name.to_owned(), text.clone())));
     }
     if georeference == Georeference::ControlPoints && !is_placed {
         let ignored = "control points only, not used".to_owned();

@@ -12,6 +12,7 @@
 | `tin` | a mesh of a grid of heights, in memory; `write_tin` of any size, in a file |
 | `grid`, `dtm`, `dsm`, `chm` | grids of point clouds |
 | `contour` | contour lines of a grid |
+| `tiles` | terrain for viewers of the globe, at every level of detail |
 | `simplify` | lines and polygons with fewer vertices |
 | `verify` | a proof of a mesh |
 | `plan` | work for many processes, which may be killed |
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from terrane._mesh import Mesh
     from terrane._plans import Plan, open_plan, plan
     from terrane._terrane import __version__
+    from terrane._tiles import tiles
     from terrane._tin import Report, tin, verify, write_tin
     from terrane.delatin import Delatin
 
@@ -53,6 +55,7 @@ _WHERE = {
     "_mesh": "Mesh",
     "_plans": "Plan open_plan plan",
     "_terrane": "__version__",
+    "_tiles": "tiles",
     "_tin": "Report tin verify write_tin",
     "delatin": "Delatin",
 }
@@ -95,6 +98,7 @@ __all__ = [
     "open_plan",
     "plan",
     "simplify",
+    "tiles",
     "tin",
     "verify",
     "verify_cloud",

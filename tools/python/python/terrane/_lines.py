@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terrane import _terrane
 from terrane._errors import refuse_existing, usage
-from terrane._settings import Path, settings
+from terrane._settings import Path, settings, system
 from terrane._source import crs_text, grid_of
 
 METRICS = ("plane", "space", "metres")
@@ -71,6 +71,8 @@ def contour(
     transform: Any = None,
     crs: Any = None,
     clip: Path | None = None,
+    to_crs: Any = None,
+    shift_grid: Path | None = None,
     output: Path | None = None,
     overwrite: bool = False,
     threads: int | None = None,
@@ -81,8 +83,9 @@ def contour(
     ground is on the right of a line.
 
     `tolerance` leaves out vertices within this distance of the line that is left, so that no two lines come to cross. With `output` they
-    are written into a file of features, whatever their number, and what `terrane contour --json` tells is returned. `src` and the rest
-    are as for `tin`.
+    are written into a file of features, whatever their number, and what `terrane contour --json` tells is returned. `to_crs` is the
+    reference system that they are brought to, such as "EPSG:4326", `shift_grid` a file (NTv2) that leads from one datum to another.
+    `src` and the rest are as for `tin`.
 
     >>> import numpy as np, terrane
     >>> cone = np.hypot(*np.mgrid[-20:21, -20:21])
@@ -95,18 +98,19 @@ def contour(
     at = None if levels is None else [float(level) for level in np.ravel(levels)]
     grid = grid_of(src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip)
     run = settings(threads, memory, progress)
+    target = system(to_crs, shift_grid)
     if output is not None:
         name = os.fspath(output)
         refuse_existing(name, overwrite)
-        return grid.contours(name, interval, at, tolerance, False, None, overwrite, run)
+        return grid.contours(name, interval, at, tolerance, False, None, target, overwrite, run)
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "lines.fgb")
-        grid.contours(path, interval, at, tolerance, False, None, False, run)
-        coordinates, offsets, values, _ = _terrane.read_lines(path, "elev")
+        grid.contours(path, interval, at, tolerance, False, None, target, False, run)
+        coordinates, offsets, values, found = _terrane.read_lines(path, "elev")
     order = np.lexsort((np.arange(len(values)), values))
     if not np.array_equal(order, np.arange(len(order))):
         coordinates, offsets, values = sorted_lines(coordinates, offsets, values, order)
-    return Lines(coordinates, offsets, values, grid.info["crs"])
+    return Lines(coordinates, offsets, values, grid.info["crs"] if to_crs is None else found)
 
 
 def sorted_lines(

@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from terrane._settings import Settings
+from terrane._settings import Settings, System
 
 __all__ = [
     "__version__",
@@ -44,6 +44,7 @@ class Grid:
         asked: dict[str, Any],
         format: str | None,
         split: int | None,
+        system: System,
         overwrite: bool,
         settings: Settings,
     ) -> dict[str, Any]: ...
@@ -73,8 +74,12 @@ class Grid:
         tolerance: float | None,
         with_z: bool,
         format: str | None,
+        system: System,
         overwrite: bool,
         settings: Settings,
+    ) -> dict[str, Any]: ...
+    def tiles(
+        self, path: str, asked: dict[str, Any], overwrite: bool, settings: Settings
     ) -> dict[str, Any]: ...
     def convert(
         self,

@@ -9,7 +9,7 @@ from typing import Any
 from terrane import _terrane
 from terrane._errors import refuse_existing, usage
 from terrane._mesh import Mesh
-from terrane._settings import Path, settings
+from terrane._settings import Path, settings, system
 from terrane._source import grid_of, names_of
 
 
@@ -141,6 +141,9 @@ def write_tin(
     tile: int = 512,
     format: str | None = None,
     split: int | None = None,
+    to_crs: Any = None,
+    shift_grid: Path | None = None,
+    geoid: Path | None = None,
     overwrite: bool = False,
     threads: int | None = None,
     memory: int | str | None = None,
@@ -151,7 +154,9 @@ def write_tin(
     appears whole or not at all. Returns what `terrane tin --json` tells.
 
     `format` is one by its name instead of that of the path's ending; `split` writes a folder with a mesh for every so
-    many by so many tiles. All else is as for `tin`.
+    many by so many tiles. `to_crs` is the reference system to write in, such as "EPSG:4979"; `shift_grid` a file (NTv2) that
+    leads from one datum to another, `geoid` one (GTX or GeoTIFF) that leads from heights above sea level to those above the
+    ellipsoid, or back. All that is decided is decided before, in the system of the grid. All else is as for `tin`.
 
     >>> import os, tempfile, terrane
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -179,7 +184,8 @@ def write_tin(
         src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip, water=water
     )
     run = settings(threads, memory, progress, temp_dir)
-    return grid.write_tin(os.fspath(path), goal, format, split, overwrite, run)
+    target = system(to_crs, shift_grid, geoid)
+    return grid.write_tin(os.fspath(path), goal, format, split, target, overwrite, run)
 
 
 class Report:

@@ -51,7 +51,7 @@ pub struct TilesVerifyJob {
     pub raster: Inputs,
     /// What is read of it.
     pub reading: Reading,
-    /// The name of a file with the heights of the geoid that the raster's are counted from (GTX).
+    /// The name of a file with the heights of the geoid that the raster's are counted from (GTX or GeoTIFF).
     pub geoid: Option<String>,
     /// What the job may use.
     pub resources: Resources,
