@@ -2,7 +2,7 @@
 //! at a time and with two.
 //!
 //! `cargo bench --bench laz_decode [FILTER]`. One thread; x, y, z, class, returns and flags of points
-//! of formats 6 and 1 (`elem/s` are points).
+//! of formats 6 and 1, and whole records of formats 6, 7, 8, 1 and 3 (`elem/s` are points).
 
 use std::f64::consts::TAU;
 use std::hint::black_box;
@@ -81,11 +81,20 @@ fn compress(items: &Vec<LazItem>, records: &[u8]) -> Vec<u8> {
     bytes.into_inner()
 }
 
-fn decompress(items: &Vec<LazItem>, bytes: &[u8], records: &mut [u8]) {
-    let selection = DecompressionSelection::xy_returns_channel()
+/// What grids and meshes need.
+fn few_fields() -> DecompressionSelection {
+    DecompressionSelection::xy_returns_channel()
         .decompress_z()
         .decompress_classification()
-        .decompress_flags();
+        .decompress_flags()
+}
+
+fn decompress(
+    items: &Vec<LazItem>,
+    selection: DecompressionSelection,
+    bytes: &[u8],
+    records: &mut [u8],
+) {
     let bytes = Cursor::new(bytes);
     let mut decompressor: Box<dyn RecordDecompressor<_>> = match items[0].version() {
         1 | 2 => Box::new(SequentialPointRecordDecompressor::new(bytes)),
@@ -94,6 +103,69 @@ fn decompress(items: &Vec<LazItem>, bytes: &[u8], records: &mut [u8]) {
     decompressor.set_fields_from(items).expect("known items");
     decompressor.set_selection(selection);
     decompressor.decompress_many(records).expect("sound bytes");
+}
+
+fn schema(items: &[LazItem]) -> Schema {
+    let plain = |item: &LazItem| {
+        let kind = item.item_type().into();
+        Item { kind, size: item.size(), version: item.version() }
+    };
+    Schema::new(&items.iter().map(plain).collect::<Vec<_>>()).expect("known")
+}
+
+/// The records of `format`, of `size` bytes each, with intensities, scan angles and colours.
+fn dressed(format: u8, size: usize) -> Vec<u8> {
+    let mut noise = Noise(7);
+    let (base, angle) = if format < 6 { (28, 16) } else { (30, 18) };
+    let bare = records(if format < 6 { 1 } else { 6 });
+    let mut all = Vec::with_capacity(bare.len() / base * size);
+    for (number, bare) in bare.chunks_exact(base).enumerate() {
+        let mut record = bare.to_vec();
+        record[12..14].copy_from_slice(&((noise.next() * 900.0) as u16).to_le_bytes());
+        record[angle] = (number / 90 % 40) as u8;
+        while record.len() < size {
+            let grey = 20_000.0 + 9_000.0 * (number as f64 / 300.0).sin();
+            record.extend(((grey + 2_000.0 * noise.next()) as u16).to_le_bytes());
+        }
+        all.extend(record);
+    }
+    all
+}
+
+fn whole_records(c: &mut Criterion) {
+    for format in [6, 7, 8, 1, 3] {
+        let items = LazItemRecordBuilder::default_for_point_format_id(format, 0).expect("known");
+        let size: usize = items.iter().map(|item| usize::from(item.size())).sum();
+        let chunks: Vec<_> = dressed(format, size)
+            .chunks(CHUNK * size)
+            .map(|records| compress(&items, records))
+            .collect();
+        let mut group = c.benchmark_group(format!("records of format {format}"));
+        group.throughput(Throughput::Elements((CHUNK * CHUNKS) as u64)).sample_size(10);
+        group.bench_function("laz crate", |b| {
+            let (mut records, all) = (vec![0; CHUNK * size], DecompressionSelection::all());
+            let mut decompress = |chunk| decompress(&items, all, chunk, &mut records);
+            b.iter(|| chunks.iter().map(Vec::as_slice).for_each(&mut decompress));
+        });
+        let schema = schema(&items);
+        let (mut decoder, mut fields) = (Decoder::new(), Fields::default());
+        group.bench_function("one chunk", |b| {
+            b.iter(|| {
+                for bytes in &chunks {
+                    let chunk = Chunk { bytes, count: CHUNK };
+                    let stream = decoder.stream(&schema, chunk, Wanted::RECORDS);
+                    let mut stream = stream.expect("sound bytes");
+                    for _ in 0..CHUNK / 5_000 {
+                        fields.clear();
+                        stream.read(5_000, &mut fields).expect("sound bytes");
+                        black_box(&fields);
+                    }
+                    stream.end().expect("an end");
+                }
+            });
+        });
+        group.finish();
+    }
 }
 
 fn chunks(c: &mut Criterion) {
@@ -107,13 +179,10 @@ fn chunks(c: &mut Criterion) {
         group.throughput(Throughput::Elements((CHUNK * CHUNKS) as u64)).sample_size(10);
         group.bench_function("laz crate", |b| {
             let mut records = vec![0; CHUNK * size];
-            b.iter(|| chunks.iter().for_each(|chunk| decompress(&items, chunk, &mut records)));
+            let mut decompress = |chunk| decompress(&items, few_fields(), chunk, &mut records);
+            b.iter(|| chunks.iter().map(Vec::as_slice).for_each(&mut decompress));
         });
-        let plain = |item: &LazItem| {
-            let kind = item.item_type().into();
-            Item { kind, size: item.size(), version: item.version() }
-        };
-        let schema = Schema::new(&items.iter().map(plain).collect::<Vec<_>>()).expect("known");
+        let schema = schema(&items);
         let chunks: Vec<_> = chunks.iter().map(|bytes| Chunk { bytes, count: CHUNK }).collect();
         let (mut decoder, mut fields) = (Decoder::new(), [Fields::default(), Fields::default()]);
         group.bench_function("one chunk", |b| {
@@ -140,5 +209,5 @@ fn chunks(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, chunks);
+criterion_group!(benches, chunks, whole_records);
 criterion_main!(benches);

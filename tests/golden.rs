@@ -204,6 +204,22 @@ fn jobs() -> Vec<String> {
     ] {
         add(format!("grid ../in/steep.laz o.tif --cell 2 {options}"));
     }
+    for (cloud, output) in
+        [("dense.laz", "o.las"), ("thin.las", "o.laz"), ("steep.laz", "o.copc.laz")]
+    {
+        for options in [
+            "",
+            "--point-format 7",
+            "--class 2,6 --every 3",
+            "--thin 2:lowest --dedupe",
+            "--thin 2:random=3",
+            "--to-crs EPSG:4326",
+        ] {
+            add(format!("points ../in/{cloud} {output} {options}"));
+        }
+    }
+    add("points ../in/dense.laz ../in/thin.las o.copc.laz".into());
+    add("points ../in/dense.laz o --tile 25 --buffer 2".into());
     for format in raster::write::FORMATS {
         let (name, ending) = (format.name, format.extensions[0]);
         let round = if format.holds_types { "" } else { " --round" };
@@ -342,6 +358,15 @@ fn jobs() -> Vec<String> {
         add(format!("tiles ../in/voids.asc o --format 3dtiles{how}"));
     }
     add("tiles ../in/degrees.asc o --no-gzip --clip ../in/areas.wkt".into());
+    for how in ["--skirts", "--skirts --meshopt --tile-edges"] {
+        add(format!("tiles ../in/voids.asc o --format 3dtiles {how}"));
+    }
+    for (grid, water) in [("degrees.asc", "areas.wkt"), ("rough.tif", "water.wkt")] {
+        let water = format!("--water ../in/{water} --water-mask");
+        add(format!("tiles ../in/{grid} o --max-level 14 --no-gzip {water}"));
+    }
+    add("tiles ../in/dense.laz o --max-level 16".into());
+    add("tiles ../in/steep.laz o --cell 2 --class 2 --max-level 16".into());
     add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs

@@ -280,6 +280,11 @@ const JOBS: &[&str] = &[
     "tiles dem.tif o3",
     "tiles large.tif o4 --max-level 5",
     "verify moved dem.tif",
+    "points dense.laz o.las",
+    "points dense.laz o.laz --thin 0.5:lowest --dedupe",
+    "points dense.laz o.copc.laz",
+    "points dense.laz o5 --tile 100 --buffer 5",
+    "points dense.laz o2.laz --to-crs EPSG:4326",
 ];
 
 /// Budgets of the table, in MiB.

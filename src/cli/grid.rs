@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::atomic;
+use crate::cli::shared::ground::GroundName;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{
@@ -91,25 +92,10 @@ struct Model {
     water: Option<String>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum GroundName {
-    Auto,
-    Class,
-    Filter,
-}
-
 impl Model {
     fn preset(&self) -> Option<Preset> {
         let presets = [(self.dtm, Preset::Dtm), (self.dsm, Preset::Dsm), (self.chm, Preset::Chm)];
         presets.into_iter().find(|(wanted, _)| *wanted).map(|(_, preset)| preset)
-    }
-
-    fn ground(&self) -> GroundFrom {
-        match self.ground {
-            None | Some(GroundName::Auto) => GroundFrom::Auto,
-            Some(GroundName::Class) => GroundFrom::Class,
-            Some(GroundName::Filter) => GroundFrom::Filter,
-        }
     }
 }
 
@@ -118,7 +104,7 @@ impl Model {
 #[command(next_help_heading = "Cells")]
 struct Cells {
     /// Side of a cell, or its width and height, in the units of the CRS
-    #[arg(long, value_name = "SIZE", value_parser = parse_cell, required_unless_present = "like")]
+    #[arg(long, value_name = "SIZE", value_parser = parse::cell, required_unless_present = "like")]
     cell: Option<[f64; 2]>,
     /// A corner of some cell [default: 0,0]
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = parse_pair)]
@@ -254,7 +240,7 @@ fn job(args: &Args) -> Result<GridJob> {
         output: args.output.clone(),
         stats: preset.map_or(job.stats, |preset| vec![preset.band()]),
         preset,
-        ground: args.model.ground(),
+        ground: GroundName::of(args.model.ground),
         water: args.model.water.clone(),
         overwrite: args.out.overwrite,
         ..job
@@ -343,15 +329,6 @@ fn parse_stats(text: &str) -> std::result::Result<Stats, String> {
     gridding::parse_list(text).map(Stats).map_err(|e| e.to_string())
 }
 
-/// "size" or "width,height".
-fn parse_cell(text: &str) -> std::result::Result<[f64; 2], String> {
-    let (width, height) = text.split_once(',').unwrap_or((text, text));
-    match (parse::positive(width), parse::positive(height)) {
-        (Ok(width), Ok(height)) => Ok([width, height]),
-        _ => Err("expected a number above zero, or two: width,height".to_owned()),
-    }
-}
-
 /// "x,y".
 fn parse_pair(text: &str) -> std::result::Result<[f64; 2], String> {
     let pair = text.split_once(',').map(|(x, y)| (parse::finite(x), parse::finite(y)));
@@ -417,10 +394,7 @@ mod tests {
     use crate::jobs::figures::Figures;
 
     #[test]
-    fn sizes_and_corners_are_read() {
-        assert_eq!(parse_cell("1"), Ok([1.0, 1.0]));
-        assert_eq!(parse_cell("0.5,2"), Ok([0.5, 2.0]));
-        assert!(["0", "-1", "a", "1,2,3", "1,0"].iter().all(|text| parse_cell(text).is_err()));
+    fn corners_are_read() {
         assert_eq!(parse_pair("-1.5,2"), Ok([-1.5, 2.0]));
         assert!(parse_pair("1").is_err());
         assert!(parse_stats("mean,mode").is_err());

@@ -14,6 +14,7 @@ mod info;
 mod line;
 mod man;
 mod plan;
+mod points;
 #[cfg(test)]
 mod reference;
 mod relief;
@@ -44,6 +45,7 @@ const VERBS: &[Entry] = &[
     Entry::of::<view::Args>(),
     Entry::of::<convert::Args>(),
     Entry::of::<grid::Args>(),
+    Entry::of::<points::Args>(),
     Entry::of::<contour::Args>(),
     Entry::of::<line::Args>(),
     Entry::of::<tiles::Args>(),

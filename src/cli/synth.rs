@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::cli::convert;
+use crate::cli::shared::points::parse_format;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, report};
 use crate::cloud;
@@ -29,7 +30,7 @@ pub(super) struct Args {
     /// GeoTIFF to write, a .las or .laz file for a cloud, or any file of features for lines
     output: PathBuf,
     /// Format of the points of a cloud: 0 to 3 (LAS 1.2) or 6 to 8 (LAS 1.4) [default: 6]
-    #[arg(long, value_name = "N", value_parser = point_format)]
+    #[arg(long, value_name = "N", value_parser = parse_format)]
     point_format: Option<PointFormat>,
     /// Replace a file that exists
     #[arg(long)]
@@ -38,11 +39,6 @@ pub(super) struct Args {
     machine: args::Machine,
     #[command(flatten)]
     show: args::Show,
-}
-
-fn point_format(text: &str) -> std::result::Result<PointFormat, String> {
-    let number = text.parse().map_err(|_| "expected a number".to_owned())?;
-    PointFormat::new(number).map_err(|error| error.to_string())
 }
 
 impl Verb for Args {

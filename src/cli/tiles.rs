@@ -5,24 +5,26 @@ use std::path::{Path, PathBuf};
 use crate::atomic;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text};
+use crate::cli::shared::{Outcome, args, check, ground, lists, many, names, points, report, text};
+use crate::cloud;
 use crate::error::Result;
 use crate::jobs::Cancel;
-use crate::jobs::sift::Sifted;
-use crate::jobs::tiles::{self, FORMATS, Format, TilesJob, TilesReport};
+use crate::jobs::sift::{Sifted, Skipped};
+use crate::jobs::tiles::{self, FORMATS, Format, Kept, TilesJob, TilesReport};
 
-/// Make terrain tiles of a grid for viewers of the globe, at every level of detail
+/// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail
 ///
 /// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the
 /// grid, and layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it on the bent earth, than
 /// clients take its level to be off by (77 km at level 0, half as much at each further one); each tile
 /// says how far its samples are at the most. Tiles beside each other have the same border. Voids are
 /// spanned. The grid may be in any system; its samples are brought to WGS 84, and none is made up. Heights are
-/// taken from the ellipsoid on, or brought there with --geoid.
+/// taken from the ellipsoid on, or brought there with --geoid. Of a cloud a model of the ground is made first, as
+/// terrane grid --dtm makes it, and the samples are those of the model.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. The last name is
-    /// that of the folder to make
+    /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. Or point clouds. The last
+    /// name is that of the folder to make
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     pub(super) input: Vec<String>,
     #[arg(skip)]
@@ -42,6 +44,10 @@ pub(super) struct Args {
     pub(super) many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
+    #[command(flatten)]
+    ground: ground::Ground,
+    #[command(flatten)]
+    points: points::Points,
     #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
@@ -63,6 +69,10 @@ pub(super) struct Wanted {
     /// clients have to know the extension
     #[arg(long, help_heading = "Tiles")]
     meshopt: bool,
+    /// Hang a skirt from the sides of each tile of 3D Tiles, as deep as borders of its level and of the next coarser
+    /// one may differ, so that viewers without skirts of their own show no gap between levels
+    #[arg(long, help_heading = "Tiles")]
+    skirts: bool,
     /// The deepest level [default: the first whose tiles have at most 64 samples along a side]
     #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
           help_heading = "Tiles")]
@@ -80,6 +90,10 @@ pub(super) struct Wanted {
     /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(super) water: Option<String>,
+    /// Tell in each tile of quantized-mesh which of its 256 x 256 pixels are water of --water (the extension
+    /// "watermask"): those whose middle lies in a polygon
+    #[arg(long, help_heading = "Tiles")]
+    water_mask: bool,
 }
 
 impl Wanted {
@@ -90,6 +104,8 @@ impl Wanted {
             formats: self.format.clone(),
             tile_edges: self.tile_edges,
             meshopt: self.meshopt,
+            skirts: self.skirts,
+            water_mask: self.water_mask,
             max_level: self.max_level,
             normals: !self.no_normals,
             compress: !self.no_gzip,
@@ -115,7 +131,10 @@ impl Verb for Args {
     }
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        run(self, call.cancel)
+        match self.many.are_clouds(&self.input)? {
+            true => of_cloud(self, call.cancel),
+            false => run(self, call.cancel),
+        }
     }
 }
 
@@ -143,6 +162,8 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
     args.grid.check_all(&names)?;
+    args.ground.refuse(&names[0])?;
+    args.points.refuse(&names[0])?;
     let results: Vec<&Path> =
         std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
     check::not_inputs(&names, &results)?;
@@ -163,8 +184,39 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
             tiles::run_in(folder, &job, &skipped, disk, progress.as_ref(), cancel)?
         }
     };
-    let told = report::WithSkipped { report: &report, skipped: &skipped };
-    args.show.tell(&told, || summary(&report))?;
+    tell(args, &report, &skipped)
+}
+
+/// Tiles of a model of the ground.
+fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    args.grid.refuse(&args.input[0], "a point cloud")?;
+    args.disk.check_workdir(args.workdir.as_deref())?;
+    atomic::refuse_stdout(&args.output)?;
+    let resources = args.machine.resources();
+    let options = args.points.open_options(&resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
+    let results: Vec<&Path> =
+        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
+    let beside = args.wanted.water.iter().chain(&args.wanted.geoid).cloned().collect();
+    let read = [cloud::files(&names)?, args.points.files()?, beside].concat();
+    check::not_among(&read, &results)?;
+    let job = args.wanted.job(TilesJob {
+        reading: args.grid.reading(args.wanted.water.as_ref()),
+        overwrite: args.overwrite,
+        resources,
+        ..TilesJob::new("", &args.output)
+    });
+    let model = args.ground.model(names, options);
+    let (folder, disk) = (args.workdir.as_deref(), args.disk.check());
+    let kept = folder.map(|folder| Kept { folder, skipped: &skipped, disk });
+    let report = tiles::run_cloud(&model, &job, kept, args.show.progress().as_ref(), cancel)?;
+    tell(args, &report, &skipped)
+}
+
+fn tell(args: &Args, report: &TilesReport, skipped: &[Skipped]) -> Result<Outcome> {
+    let told = report::WithSkipped { report, skipped };
+    args.show.tell(&told, || summary(report))?;
     Ok(Outcome::Kept)
 }
 

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::plan::Plan;
+use super::points::PointsBuilder;
 use super::run::{Run, output_settings, run_settings};
+use super::tiles::TilesBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Crs;
 use terrane_base::{Error, Result};
@@ -136,6 +138,29 @@ impl Cloud {
     /// in each, or a model of the terrain.
     pub fn grid(&self, cell: f64) -> GridBuilder<'_> {
         GridBuilder::of(self, cell)
+    }
+
+    /// Its points in files of points.
+    pub fn points(&self) -> PointsBuilder<'_> {
+        PointsBuilder::of(self)
+    }
+
+    /// Tiles for viewers of the globe of a model of its ground ([`Preset::Dtm`]) with square cells of this side, in units
+    /// of the reference system; about as wide as points are apart when `None`. What tiles promise is about samples
+    /// of the model.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let tiles = folder.path().join("tiles");
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
+    /// let made = cloud.tiles(2.0).max_level(12).write(&tiles)?;
+    /// assert!(made.levels.iter().all(|level| level.error <= level.tolerance)); // metres
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn tiles(&self, cell: impl Into<Option<f64>>) -> TilesBuilder<'_> {
+        TilesBuilder::of_cloud(self, cell.into())
     }
 
     /// The proof of a mesh in a file against this cloud.

@@ -7,5 +7,8 @@ mod data;
 
 mod filters;
 mod formats;
+mod octree;
 mod synth;
+mod translate;
+mod whole;
 mod write;

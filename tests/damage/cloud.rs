@@ -6,8 +6,10 @@ use std::time::{Duration, Instant};
 
 use crate::cloud_support::{Made, Packing, Place, Random, copc, keep_all, read_file};
 use crate::data;
-use terrane::Result;
+use terrane::{ErrorKind, Result};
 use terrane_cloud::{Census, OpenOptions};
+use terrane_jobs::translate::{self, TranslateJob};
+use terrane_jobs::{Cancel, Resources, Silent};
 
 /// Far below what any of the lying headers asks for.
 const MOST_MEMORY: u64 = 512 << 20;
@@ -403,6 +405,48 @@ fn ten_thousand_mutations() {
         assert!(start.elapsed() < PATIENCE, "mutation {number} hangs");
     }
     assert!((1000..9000).contains(&sound) && saved > 500, "{sound} sound, {saved} saved");
+    assert!(peak_is_low());
+}
+
+#[test]
+fn points_of_damaged_files_are_written_or_nothing_is() {
+    let place = Place::new();
+    let kinds = small(12);
+    let endings = ["las", "laz", "copc.laz", "csv"];
+    let resources = Resources { threads: 1, memory: 256 << 20, temp_dir: None };
+    let (mut written, mut refused) = (0, 0);
+    for number in 0..2_000 {
+        let (name, bytes) = &kinds[number % kinds.len()];
+        let mut bytes = bytes.clone();
+        mutate(&mut bytes, &mut Random::of(number + 77_777));
+        let file = place.write(name, &bytes);
+        let output = place.path().join(format!("out.{}", endings[number / 7 % 4]));
+        let cloud = if number % 3 == 0 { salvage() } else { keep_all() };
+        let job = TranslateJob {
+            cloud,
+            dedupe: number % 5 == 0,
+            resources: resources.clone(),
+            ..TranslateJob::new(vec![file], &output)
+        };
+        let start = Instant::now();
+        match translate::run(&job, &Silent, &Cancel::default()) {
+            Ok(report) => {
+                let prefix = if number / 7 % 4 == 3 { "cloud:" } else { "" };
+                let again = read_file(&format!("{prefix}{}", output.display()), &keep_all());
+                assert_eq!(report.points, again.map_or(0, |(_, census)| census.kept), "{number}");
+                std::fs::remove_file(&output).unwrap();
+                written += 1;
+            }
+            Err(error) => {
+                let is_named = error.path().is_some_and(|path| path.ends_with(name));
+                assert!(is_named || error.kind() == ErrorKind::Resource, "{number}: {error}");
+                assert!(!output.exists());
+                refused += 1;
+            }
+        }
+        assert!(start.elapsed() < PATIENCE, "mutation {number} hangs");
+    }
+    assert!(written > 200 && refused > 200, "{written} written, {refused} refused");
     assert!(peak_is_low());
 }
 

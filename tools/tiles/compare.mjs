@@ -6,7 +6,8 @@
 // zero; with voids) become quantized-mesh and 3D Tiles. Every tile has to be decoded by each program; samples may be no
 // further from its flat triangles than the tile says; tiles beside each other have the same border; heights that
 // CesiumJS tells may differ by the bend of its own way to interpolate them, too. Then sets are damaged, each program
-// has to notice. Prints a line for each set and program and exits with 1 when anything is wrong.
+// has to notice. Pixels of masks of water are, as CesiumJS takes them, what their middles lie in. Prints a line for each
+// set and program and exits with 1 when anything is wrong.
 
 import { execFileSync } from "node:child_process";
 import { cpSync, mkdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
@@ -14,8 +15,8 @@ import { join, resolve } from "node:path";
 import { gunzipSync } from "node:zlib";
 
 import { DECODERS } from "./decoders.mjs";
-import { Surface, grids, ofLevel } from "./ground.mjs";
-import { cesium, listed, rendered, validated, versionOf } from "./programs.mjs";
+import { Surface, grids, isWithin, ofLevel } from "./ground.mjs";
+import { cesium, listed, masked, rendered, validated, versionOf } from "./programs.mjs";
 import { boundsOf, bytesOf, latticesOf, tileAt, tilesOf } from "./sets.mjs";
 
 const SAMPLES = 400;
@@ -28,6 +29,8 @@ const SETS = [
   { name: "3dtiles", options: ["-f", "3dtiles", "--tile-edges"], isTerrain: true },
   { name: "meshopt/3dtiles", options: ["-f", "3dtiles", "--tile-edges", "--meshopt"], isTerrain: true },
   { name: "no-edges/3dtiles", options: ["-f", "3dtiles", "--meshopt"], isTerrain: false },
+  { name: "skirts/3dtiles", options: ["-f", "3dtiles", "--tile-edges", "--skirts"], isTerrain: true, hasSkirts: true },
+  { name: "small-skirts/3dtiles", options: ["-f", "3dtiles", "--meshopt", "--skirts"], isTerrain: false },
 ];
 
 // What a decoder makes of all tiles.
@@ -48,7 +51,9 @@ const decoded = async (folder, decoder) => {
 const torn = (tiles, values) => {
   const side = (tile, axis, end) => {
     const on = tile.stops.flatMap((stop, i) => (stop[axis] === end ? [[stop[1 - axis], ...values(tile, i)]] : []));
-    return on.sort((a, b) => a[0] - b[0]).join(";");
+    // What hangs from a vertex is at the same place of a side.
+    const before = (a, b) => a.map((value, i) => value - b[i]).find((by) => by !== 0) ?? 0;
+    return on.sort(before).join(";");
   };
   const faults = [];
   let looked = 0;
@@ -89,13 +94,14 @@ const measured = (tiles, samples, errors) => {
 };
 
 // The same of heights that a client tells, which interpolates by degrees: it may be off by the bend as well.
-const told = (client, { heights }, samples, lattices) => {
+const told = (client, { heights }, samples, lattices, isTold = () => true) => {
   const faults = [...client.faults];
   let [bend, worst] = [0, 0];
   for (const [level, own] of heights) {
     // No less than is assumed: that of 3D Tiles is a little more.
     if (client.error(level) < ofLevel(level) * (1 - 1e-6)) faults.push(`takes level ${level} to be off by less`);
     samples.forEach((sample, i) => {
+      if (!isTold(level, sample)) return;
       const [flat, even] = own[i];
       const found = client.heights.get(level)?.[i];
       const bent = Math.abs(flat - even);
@@ -113,7 +119,7 @@ const told = (client, { heights }, samples, lattices) => {
 };
 
 // What each program finds wrong with a set.
-const check = async (folder, { ending, isTerrain }, samples) => {
+const check = async (folder, { ending, isTerrain, hasSkirts }, samples) => {
   const rows = [];
   let own;
   for (const decoder of DECODERS.filter((decoder) => decoder.ending === ending)) {
@@ -129,7 +135,10 @@ const check = async (folder, { ending, isTerrain }, samples) => {
   }
   if (isTerrain) {
     const client = await cesium(folder, samples);
-    const { faults, bend, worst } = told(client, own, samples, ending === "glb" ? latticesOf(folder) : []);
+    // CesiumJS takes what hangs from a vertex at -180 degrees for something at 180.
+    const isTold = (level, sample) => !hasSkirts || !tileAt(level, sample).includes("/0/");
+    const lattices = ending === "glb" ? latticesOf(folder) : [];
+    const { faults, bend, worst } = told(client, own, samples, lattices, isTold);
     const text = `off by ${worst.toFixed(3)} of its level, and by a bend of up to ${bend.toFixed(3)}`;
     rows.push({ name: "cesium", told: text, faults });
   }
@@ -211,6 +220,11 @@ const main = async ([terrane = "target/debug/terrane", folder = "target/tiles/se
       execFileSync(terrane, ["tiles", source, set, "-q", ...options]);
       for (const found of await check(set, kind, grid.some(SAMPLES))) row(`${grid.name}, ${name}`, found);
     }
+    const [lakes, wet] = [join(folder, `${grid.name}.geojson`), resolve(folder, grid.name, "water")];
+    grid.writeLakes(lakes);
+    execFileSync(terrane, ["tiles", source, wet, "-q", "--water", lakes, "--water-mask"]);
+    const { looked: pixels, faults } = await masked(wet, (place) => isWithin(grid.lakes(), place));
+    row(`${grid.name}, masks of water`, { name: "cesium", told: `${pixels} pixels as they are`, faults });
   }
   const [grid] = made;
   for (const { name, set, damage, by } of DAMAGES) {

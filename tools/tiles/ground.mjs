@@ -56,6 +56,23 @@ class Grid {
     writeFileSync(path.replace(/asc$/, "prj"), "EPSG:4326");
   }
 
+  // Water of the grid, by parts of its width and height: a lake with an island, and one that reaches beyond the grid.
+  lakes() {
+    const place = ([u, v]) => [0, 1].map((axis) => this.at[axis] + [u, v][axis] * (this.size[axis] - 1) * this.by);
+    const ring = (corners) => [...corners, corners[0]].map(place);
+    return [
+      [ring([[0.1, 0.12], [0.7, 0.07], [0.83, 0.66], [0.42, 0.9], [0.13, 0.5]]), ring([[0.4, 0.4], [0.55, 0.41], [0.5, 0.6]])],
+      [ring([[0.75, 0.8], [0.99, 0.83], [0.98, 1.4], [0.71, 1.3]])],
+    ];
+  }
+
+  writeLakes(path) {
+    const features = this.lakes().map((coordinates) => {
+      return { type: "Feature", properties: {}, geometry: { type: "Polygon", coordinates } };
+    });
+    writeFileSync(path, JSON.stringify({ type: "FeatureCollection", features }));
+  }
+
   // All samples with a height, as longitude, latitude in degrees, and height.
   samples() {
     const [columns] = this.size;
@@ -79,6 +96,25 @@ class Grid {
 }
 
 export const grids = () => GRIDS.map((told) => new Grid(told));
+
+// Whether a place lies in one of the polygons, by the sides that are north of it; nothing where one is very near.
+export const isWithin = (polygons, [x, y]) => {
+  let isNear = false;
+  const found = polygons.some((rings) => {
+    let count = 0;
+    for (const ring of rings) {
+      for (let i = 1; i < ring.length; i++) {
+        const [a, b] = [ring[i - 1], ring[i]];
+        if (a[0] <= x === b[0] <= x) continue;
+        const north = a[1] + ((x - a[0]) / (b[0] - a[0])) * (b[1] - a[1]) - y;
+        isNear ||= Math.abs(north) < 1e-11;
+        count += north > 0;
+      }
+    }
+    return count % 2 === 1;
+  });
+  return isNear ? undefined : found;
+};
 
 // What a client takes a level to be off by.
 export const ofLevel = (level) => 77067.34 / 2 ** level;

@@ -7,7 +7,10 @@ import { load } from "@loaders.gl/core";
 import { Tiles3DLoader } from "@loaders.gl/3d-tiles";
 import validator from "gltf-validator";
 
-import { bytesOf, served, tilesOf } from "./sets.mjs";
+import { boundsOf, bytesOf, served, tilesOf } from "./sets.mjs";
+
+// Pixels along a side of a mask of water.
+const PIXELS = 256;
 
 const Cesium = createRequire(import.meta.url)("cesium");
 
@@ -77,6 +80,38 @@ export const cesium = (folder, places) =>
       heights.set(level, asked.map(({ height }) => height));
     }
     return { faults, heights, error: (level) => provider.getLevelMaximumGeometricError(level) };
+  });
+
+// The mask of water of every tile as CesiumJS takes it, held to what `isWater` says of the middles of pixels.
+export const masked = (folder, isWater) =>
+  served(folder, async (url) => {
+    const provider = await Cesium.CesiumTerrainProvider.fromUrl(url, { requestWaterMask: true });
+    const faults = provider.hasWaterMask ? [] : ["is told to have no mask of water"];
+    let looked = 0;
+    for (const tile of tilesOf(folder)) {
+      const { level, x, y, key } = tile;
+      const [west, , east, north] = boundsOf(tile);
+      const step = (east - west) / PIXELS;
+      const data = await provider.requestTileGeometry(x, 2 ** level - 1 - y, level);
+      const mask = data.waterMask;
+      const isOne = mask?.length === 1;
+      if (!isOne && mask?.length !== PIXELS ** 2) {
+        faults.push(`${key} has a mask of ${mask?.length} pixels`);
+        continue;
+      }
+      for (let i = 0; i < PIXELS ** 2; i++) {
+        const place = [west + ((i % PIXELS) + 0.5) * step, north - (Math.floor(i / PIXELS) + 0.5) * step];
+        const expected = isWater(place);
+        if (expected === undefined) continue;
+        looked += 1;
+        const found = mask[isOne ? 0 : i];
+        if (found !== (expected ? 255 : 0)) {
+          faults.push(`${key} has ${found} at ${place}`);
+          break;
+        }
+      }
+    }
+    return { looked, faults };
   });
 
 // 3d-tiles-renderer goes through the whole tree, and asks for every tile in it.

@@ -197,7 +197,8 @@ mod tests {
                 .collect();
             let line = |(world, marks): (&[f64; 3], &Marks)| {
                 let [x, y, z] = world;
-                format!("{x:.decimals$},{y:.decimals$},{z:.decimals$},{},{},3\n", marks.class, marks.returns[0])
+                // With no more decimals than they need, which is how many the lattice has.
+                format!("{x},{y},{z},{},{},3\n", marks.class, marks.returns[0])
             };
             let text: String = positions.iter().zip(&marks).map(line).collect();
             let folder = tempfile::tempdir().unwrap();

@@ -1,9 +1,11 @@
 //! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
 
 mod agree;
+mod carry;
 mod copc;
 mod facts;
 mod filter;
+mod format;
 mod frame;
 mod held;
 mod las;
@@ -18,7 +20,9 @@ pub mod synth;
 mod text;
 pub mod write;
 
+pub use carry::Carrier;
 pub use filter::{Filter, Flags, Gate, Record, Return, Verdict};
+pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
 pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::Polygon;

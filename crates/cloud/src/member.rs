@@ -2,9 +2,10 @@
 
 use std::cell::Cell;
 
-use terrane_base::error::Result;
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Frame, Point};
 
+use super::carry::Recast;
 use super::frame::Claim;
 use super::las::{self, Block, LasFile, New, Old, unpacked};
 use super::lazip::Wanted;
@@ -135,6 +136,41 @@ impl Visit for Look<'_> {
     }
 }
 
+/// Takes wanted records on as those of another format.
+struct Carry<'a, 'b> {
+    sieve: &'a Sieve,
+    recast: &'a Recast,
+    /// Whether places stay as they are stored.
+    as_stored: bool,
+    census: Census,
+    out: Vec<u8>,
+    each: &'a mut (dyn FnMut(&[u8]) -> Result<()> + 'b),
+}
+
+impl Carry<'_, '_> {
+    fn take<'r, R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        self.out.clear();
+        for (index, (record, raw)) in (first..).zip(records) {
+            let Some(place) = self.sieve.pick(raw, index, &mut self.census)? else { continue };
+            let place = (!self.as_stored).then_some(place);
+            self.recast.push(record, place, &mut self.out).map_err(|what| {
+                Error::unsupported(format!("it has {what}, which the point format cannot hold"))
+                    .at(format_args!("point {index}"))
+                    .remedy("choose a --point-format from 6 on")
+            })?;
+        }
+        (self.each)(&self.out)
+    }
+}
+
+fn no_records() -> Error {
+    Error::new(ErrorKind::Internal, "a decoder left out what was wanted")
+}
+
 impl Member {
     pub(super) fn parts(&self) -> usize {
         match &self.file {
@@ -183,6 +219,48 @@ impl Member {
         Ok(with_lost(look.census, lost))
     }
 
+    /// Hands on the wanted records of a part, recast.
+    pub(super) fn carry(
+        &self,
+        part: usize,
+        (recast, as_stored): (&Recast, bool),
+        room: &mut Room,
+        each: &mut dyn FnMut(&[u8]) -> Result<()>,
+    ) -> Result<Census> {
+        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
+        let mut carry =
+            Carry { sieve, recast, as_stored, census: Census::default(), out: Vec::new(), each };
+        let lost = match &self.file {
+            File::Las(file) => {
+                let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
+                file.records(
+                    part,
+                    Wanted::RECORDS,
+                    self.salvage,
+                    &mut room.records,
+                    &mut |first, block| {
+                        let Block::Records(records) = block else { return Err(no_records()) };
+                        let records = records.chunks_exact(size);
+                        match is_new {
+                            true => carry.take(first, records.map(|r| (r, New::of(r)))),
+                            false => carry.take(first, records.map(|r| (r, Old::of(r)))),
+                        }
+                        .map_err(|e| e.in_file(&file.path))
+                    },
+                )
+            }
+            File::Text(file) => {
+                file.records(part, self.salvage, &mut |first, lines: &[text::Line]| {
+                    let records: Vec<_> = lines.iter().map(text::Line::record).collect();
+                    carry
+                        .take(first, records.iter().map(|r| (r.as_slice(), New::of(r))))
+                        .map_err(|e| e.in_file(&file.path))
+                })
+            }
+        }?;
+        Ok(with_lost(carry.census, lost))
+    }
+
     /// Lets `visitor` see the records of a part, block by block; returns how many are lost.
     fn visit(
         &self,
@@ -193,7 +271,7 @@ impl Member {
     ) -> Result<u64> {
         match &self.file {
             File::Las(file) => {
-                let in_file = |e: terrane_base::error::Error| e.in_file(&file.path);
+                let in_file = |e: Error| e.in_file(&file.path);
                 let (record, is_new) = (usize::from(file.header.record), file.header.is_new());
                 file.records(part, wanted, self.salvage, room, &mut |first, block| {
                     match (block, is_new) {
@@ -228,6 +306,6 @@ impl Sieve {
     fn wanted(&self) -> Wanted {
         let filter = self.gate().filter();
         let flags = !filter.keep_withheld || filter.drop != Flags::default();
-        Wanted { z: true, class: filter.classes.is_some(), flags }
+        Wanted { class: filter.classes.is_some(), flags, ..Wanted::ALL }
     }
 }

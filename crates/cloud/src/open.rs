@@ -61,6 +61,8 @@ pub struct Cloud {
     /// Member, and part of it.
     parts: Vec<(u32, u32)>,
     notes: Vec<String>,
+    /// The lattice of all files, where it is one, and how many steps less points have in the frame.
+    lattice: Option<(Frame, [i32; 3])>,
 }
 
 impl Cloud {
@@ -83,13 +85,27 @@ impl Cloud {
     /// # Errors
     /// As [`PointSource::read`], but for points outside.
     pub fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
-        let (member, inner) = self.part(part)?;
+        let (_, member, inner) = self.part(part)?;
         member.records(inner, each)
     }
 
-    fn part(&self, part: usize) -> Result<(&Member, usize)> {
-        let found = self.parts.get(part).and_then(|(member, inner)| {
-            Some((self.members.get(*member as usize)?, *inner as usize))
+    /// What its points are in the lattice of its files, where it is one: there they have the steps they are stored
+    /// with. In the frame where there are several lattices, and true for one.
+    pub(super) fn as_stored(&self) -> (CloudInfo, bool) {
+        let Some((frame, by)) = self.lattice else { return (self.info.clone(), false) };
+        let back = |Point { x, y, z }: Point| {
+            let [x, y, z] = [x.wrapping_add(by[0]), y.wrapping_add(by[1]), z.wrapping_add(by[2])];
+            Point { x, y, z }
+        };
+        let bounds = self.info.bounds.map(|ends| ends.map(back));
+        (CloudInfo { frame, bounds, ..self.info.clone() }, true)
+    }
+
+    /// A part: the number of its file, the file, and the part of it.
+    pub(super) fn part(&self, part: usize) -> Result<(usize, &Member, usize)> {
+        let found = self.parts.get(part).and_then(|(number, inner)| {
+            let number = *number as usize;
+            Some((number, self.members.get(number)?, *inner as usize))
         });
         found.ok_or_else(|| Error::usage(format!("the cloud has no part {part}")))
     }
@@ -113,7 +129,7 @@ impl PointSource for Cloud {
     }
 
     fn points_of(&self, part: usize) -> u64 {
-        self.part(part).map_or(0, |(member, inner)| member.points_of(inner))
+        self.part(part).map_or(0, |(_, member, inner)| member.points_of(inner))
     }
 
     fn bounds_of(&self, part: usize) -> Option<[Point; 2]> {
@@ -132,7 +148,7 @@ impl PointSource for Cloud {
     }
 
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
-        let (member, inner) = self.part(part)?;
+        let (_, member, inner) = self.part(part)?;
         take_room(|room| member.read(inner, room, each))
     }
 }
@@ -242,6 +258,7 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
         false => frame::common(&wanted).map_err(|e| named(e, &names, &touching))?,
     };
     let gate = Gate::new(&options.filter, &common.frame);
+    let lattice = shared(&wanted, &common);
     let mut maps = common.maps.iter();
     let (mut members, mut ends) = (Vec::new(), Vec::new());
     for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
@@ -257,7 +274,15 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
     let notes = notes(&names, &members, &info, common.moved);
-    Ok(Cloud { info, names, members, claims: ends, parts, notes })
+    Ok(Cloud { info, names, members, claims: ends, parts, notes, lattice })
+}
+
+/// The lattice of all files and the steps from it to the frame, where all have one.
+fn shared(claims: &[Claim], common: &Common) -> Option<(Frame, [i32; 3])> {
+    let (first, Map::Shift(by)) = (claims.first()?, *common.maps.first()?) else { return None };
+    let is_it = |claim: &Claim| (claim.scale, claim.offset) == (first.scale, first.offset);
+    let frame = Frame { scale: first.scale, offset: first.offset };
+    claims.iter().all(is_it).then_some((frame, by))
 }
 
 /// The error with the first file that is beyond reach on its own.

@@ -128,6 +128,31 @@ impl Sieve {
         counts
     }
 
+    /// Counts a record into `census`; where it is wanted, returns its place.
+    ///
+    /// # Errors
+    /// Those of [`sift`](Self::sift).
+    pub(super) fn pick<R: Raw>(
+        &self,
+        raw: R,
+        index: u64,
+        census: &mut Census,
+    ) -> Result<Option<Point>> {
+        let record = self.record(raw, index);
+        census.read += 1;
+        match self.gate.judge(&record) {
+            Verdict::Withheld => census.withheld += 1,
+            Verdict::Filtered => census.filtered += 1,
+            Verdict::Keep if self.claim.holds(raw.xyz()) => {
+                census.kept += 1;
+                return Ok(Some(record.point));
+            }
+            Verdict::Keep if self.salvage => census.outside += 1,
+            Verdict::Keep => return Err(self.outside(std::iter::once(raw), index)),
+        }
+        Ok(None)
+    }
+
     pub(super) fn record<R: Raw>(&self, record: R, index: u64) -> Record {
         let ([number, returns], raw) = (record.returns(), record.xyz());
         Record {

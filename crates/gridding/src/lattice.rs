@@ -344,8 +344,7 @@ impl Axis {
     pub fn squares(&self, steps: i32, numbers: Range<i64>, unit: Unit, out: &mut Vec<u128>) {
         out.clear();
         let index = |number: i64| self.turned(number) + self.first;
-        let square =
-            |apart: i64| u128::from(apart.unsigned_abs()) * u128::from(apart.unsigned_abs());
+        let square = |apart: i64| u128::from(apart.unsigned_abs()).pow(2);
         match self.units.filter(|_| unit.digits.is_some()) {
             Some(units) => {
                 out.extend(numbers.map(|number| square(units.apart(steps, index(number)))))
@@ -354,6 +353,16 @@ impl Axis {
                 square((self.apart(steps, index(number)) / unit.size).round() as i64)
             })),
         }
+    }
+
+    /// Squared distance along the axis from a coordinate to the centre of the cell it lies in, in `unit`.
+    pub fn square(&self, steps: i32, unit: Unit) -> u128 {
+        let index = self.index(steps);
+        let apart = match self.units.filter(|_| unit.digits.is_some()) {
+            Some(units) => units.apart(steps, index),
+            None => (self.apart(steps, index) / unit.size).round() as i64,
+        };
+        u128::from(apart.unsigned_abs()).pow(2)
     }
 
     /// From the centre of a cell to a coordinate in steps, in world units, rounded.

@@ -4,18 +4,17 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::figures::Figures;
 use super::input::workers;
 use super::memory::PROGRAM;
 use super::{Cancel, Progress, Resources};
+use crate::plan::At;
+use crate::records::{Flow, Packer, Records, Take};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::synth;
-use terrane_cloud::write::{
-    self, CHUNK, Chunk, CloudWriter, Layout, PointFormat, Record, WriteOptions,
-};
+use terrane_cloud::write::{self, CloudWriter, Layout, Packing, PointFormat, Record, WriteOptions};
 use terrane_synth::cloud::Survey;
 
 /// A survey to be written.
@@ -58,12 +57,16 @@ const BYTES_BY_PART: u64 = 24 << 20;
 /// # Errors
 /// An output that exists, cannot be created, or is neither .las nor .laz; too little memory.
 pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<SurveyReport> {
-    let start = Instant::now();
+    let (start, at) = (Instant::now(), At { progress, cancel });
     let mut writer = CloudWriter::create(&job.output, &options(job)?)?;
-    let round = round(&job.resources)?;
-    let pool = workers(&job.resources)?;
+    let flown = Flown { survey: &job.survey, layout: writer.layout() };
+    let flow = flow(&job.resources, &flown)?;
+    let mut packer = Packer::new(&mut writer, job.resources.threads);
     progress.begin("synth", job.survey.expected());
-    pool.install(|| Rounds::new(job, round, writer.layout()).run(&mut writer, progress, cancel))?;
+    workers(&job.resources)?.install(|| {
+        flow.run(&flown, at, &mut |records| packer.take(records))?;
+        packer.finish()
+    })?;
     progress.end();
     let points = writer.points();
     let output_bytes = writer.finish()?;
@@ -81,88 +84,53 @@ pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
 }
 
 fn options(job: &SurveyJob) -> Result<WriteOptions> {
-    let compress = write::compressed_by_name(&job.output)?;
-    let compress = compress.ok_or_else(|| {
-        Error::usage("a cloud is written as .las or .laz")
+    let packing = write::packing_by_name(&job.output)
+        .filter(|packing| matches!(packing, Packing::Plain | Packing::Chunks));
+    let packing = packing.ok_or_else(|| {
+        Error::usage("a synthetic cloud is written as .las or .laz")
             .in_file(&job.output)
-            .remedy("choose a name with one of these endings")
+            .remedy("choose a name with one of these endings; terrane points makes .copc.laz of it")
     })?;
-    let (frame, crs) = (synth::frame(&job.survey), synth::crs());
-    Ok(WriteOptions { format: job.format, compress, frame, crs, overwrite: job.overwrite })
+    if job.format.has_waves() {
+        return Err(Error::usage("a synthetic cloud has no waveforms")
+            .remedy("choose point format 0 to 3, or 6 to 8"));
+    }
+    let options = WriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
+    Ok(WriteOptions { packing, overwrite: job.overwrite, ..options })
 }
 
-/// Parts of a round: enough to keep all threads busy, as far as memory goes.
-fn round(resources: &Resources) -> Result<usize> {
+/// As many parts in a round as keep all threads busy, as far as memory goes.
+fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<Flow> {
     let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
     if parts == 0 {
         let message = format!("the memory budget of {} bytes is too small", resources.memory);
         return Err(Error::new(ErrorKind::Resource, message)
             .remedy(format!("pass --memory {}M or more", (PROGRAM + BYTES_BY_PART) >> 20)));
     }
-    Ok(parts.min(resources.threads as u64 * PARTS_BY_THREAD) as usize)
+    let parts = parts.min(resources.threads as u64 * PARTS_BY_THREAD);
+    let record = flown.layout.size();
+    Ok(Flow { record, round: parts * flown.points(0) * record as u64 })
 }
 
-/// The work in rounds: while the chunks of one are written, the points of the next are made.
-struct Rounds<'a> {
+/// The parts of a survey as records.
+struct Flown<'a> {
     survey: &'a Survey,
     layout: Layout,
-    parts: usize,
-    round: usize,
-    /// Points that do not fill a chunk yet.
-    pending: Vec<Record>,
 }
 
-impl<'a> Rounds<'a> {
-    fn new(job: &'a SurveyJob, round: usize, layout: Layout) -> Self {
-        let survey = &job.survey;
-        Self { survey, layout, parts: survey.parts(), round, pending: Vec::new() }
+impl Records for Flown<'_> {
+    fn units(&self) -> usize {
+        self.survey.parts()
     }
 
-    fn run(
-        mut self,
-        out: &mut CloudWriter,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<()> {
-        let mut chunks = Vec::new();
-        for from in (0..self.parts).step_by(self.round) {
-            cancel.check()?;
-            let (written, ()) = rayon::join(|| append(out, &chunks, progress), || self.make(from));
-            written?;
-            let full = self.pending.len() / CHUNK * CHUNK;
-            chunks = self.chunks(full)?;
-            self.pending.drain(..full);
-        }
-        append(out, &chunks, progress)?;
-        append(out, &self.chunks(self.pending.len())?, progress)
+    fn points(&self, _: usize) -> u64 {
+        self.survey.expected().div_ceil(self.survey.parts().max(1) as u64)
     }
 
-    /// Makes the points of a round.
-    fn make(&mut self, from: usize) {
-        let to = (from + self.round).min(self.parts);
-        let parts: Vec<Vec<Record>> =
-            (from..to).into_par_iter().map(|part| records(self.survey, part)).collect();
-        for part in parts {
-            self.pending.extend(part);
-        }
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let mut echoes = Vec::new();
+        self.survey.fill(unit, &mut echoes);
+        let records: Vec<Record> = echoes.iter().map(Record::from).collect();
+        take(&self.layout.records(&records))
     }
-
-    /// The first of the points that wait, as chunks.
-    fn chunks(&self, points: usize) -> Result<Vec<Chunk>> {
-        self.pending[..points].par_chunks(CHUNK).map(|records| self.layout.chunk(records)).collect()
-    }
-}
-
-fn records(survey: &Survey, part: usize) -> Vec<Record> {
-    let mut echoes = Vec::new();
-    survey.fill(part, &mut echoes);
-    echoes.iter().map(Record::from).collect()
-}
-
-fn append(out: &mut CloudWriter, chunks: &[Chunk], progress: &dyn Progress) -> Result<()> {
-    for chunk in chunks {
-        out.append(chunk)?;
-        progress.advance(chunk.points() as u64);
-    }
-    Ok(())
 }

@@ -83,7 +83,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use array::{ArrayGrid, ArraySample};
-pub use clip::{Clip, ClipRings};
+pub use clip::{Areas, Clip, ClipRings};
 pub use held::HeldGrid;
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};

@@ -13,6 +13,12 @@ use terrane_base::error::{Error, Result};
 
 /// Number of the extension with a normal for each vertex.
 const NORMALS: u8 = 1;
+/// Number of the extension with which pixels are water.
+const WATER: u8 = 2;
+/// Pixels along a side of the mask of water, whose rows come from the north; of one kind, one byte stands for all.
+pub const MASK_SIDE: u32 = 256;
+/// What a pixel of water is; one of land is 0.
+pub const MASK_WATER: u8 = 255;
 /// Number of the extension with text about the tile.
 const METADATA: u8 = 4;
 /// Vertices that two bytes can number.
@@ -66,15 +72,23 @@ impl Heights {
     }
 }
 
-/// The bytes of a tile; with `normals`, those of the ground at its vertices, and with `available`, what tiles there
-/// are below it, as JSON.
+/// What a tile says beside its surface.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Extras<'a> {
+    /// What tiles there are below it, as JSON.
+    pub available: Option<&'a str>,
+    /// The mask of water: a byte for each of [`MASK_SIDE`] times as many pixels, or one for all.
+    pub water: Option<&'a [u8]>,
+}
+
+/// The bytes of a tile; with `normals`, those of the ground at its vertices.
 ///
 /// # Errors
 /// A tile whose heights have too large a range.
 pub fn quantized_mesh<G: Ground>(
     tile: &Tile,
     normals: Option<(&Level, &G)>,
-    available: Option<&str>,
+    extras: Extras<'_>,
 ) -> Result<Vec<u8>> {
     let heights = Heights::of(tile)?;
     let (vertices, triangles) = in_order(tile);
@@ -112,7 +126,12 @@ pub fn quantized_mesh<G: Ground>(
             out.extend(octants(normal(tile.id.place(vertex.at), level, ground)));
         }
     }
-    metadata(tile.measure.largest, available, &mut out);
+    if let Some(mask) = extras.water {
+        out.push(WATER);
+        out.extend((mask.len() as u32).to_le_bytes());
+        out.extend_from_slice(mask);
+    }
+    metadata(tile.measure.largest, extras.available, &mut out);
     Ok(out)
 }
 

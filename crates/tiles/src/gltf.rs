@@ -11,6 +11,7 @@ use crate::ground::Ground;
 use crate::horizon;
 use crate::level::Level;
 use crate::parts::{MESHOPT, Parts};
+use crate::skirt::skirted;
 use crate::surface::{Tile, Vertex};
 use crate::tiling::{STEPS, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -35,6 +36,8 @@ pub struct Form {
     pub edges: bool,
     /// Compressed (EXT_meshopt_compression), of a level of [`in_shorts`].
     pub meshopt: bool,
+    /// Steps of heights that its skirt hangs down; none where it has none.
+    pub skirt: i32,
 }
 
 /// A level whose tiles two bytes can number the coordinates of, as far as that is fine enough for its heights; those
@@ -156,6 +159,8 @@ pub fn glb<G: Ground>(
     let lattice = tile.lattice.ok_or_else(|| {
         Error::new(ErrorKind::Internal, "vertices of a tile are on no lattice of coordinates")
     })?;
+    let skirted = (form.skirt > 0).then(|| skirted(tile, form.skirt));
+    let tile = skirted.as_ref().unwrap_or(tile);
     Heights::of(tile)?;
     let points: Vec<Vector> = tile.vertices.iter().map(|vertex| tile.point(*vertex)).collect();
     let facts = Facts::of(tile, lattice, &points);
@@ -230,15 +235,17 @@ fn extensions(edges: bool, is_packed: bool) -> String {
         + &list(needed.collect(), "extensionsRequired")
 }
 
-/// The vertices of a side in the order of a walk around the tile with the tile on the right, as clients hang skirts.
+/// The vertices of a side in the order of a walk around the tile with the tile on the right, as clients hang skirts;
+/// of a vertex and what hangs from it, the one above.
 fn around(vertices: &[Vertex], side: Side) -> Vec<u32> {
-    let on_side = |(i, v): (u32, &Vertex)| side.along(v.at).map(|along| (along, i));
-    let mut found: Vec<(i32, u32)> = (0..).zip(vertices).filter_map(on_side).collect();
+    let on_side = |(i, v): (u32, &Vertex)| side.along(v.at).map(|along| (along, -v.height, i));
+    let mut found: Vec<(i32, i32, u32)> = (0..).zip(vertices).filter_map(on_side).collect();
     found.sort_unstable();
+    found.dedup_by_key(|(along, ..)| *along);
     if matches!(side, Side::South | Side::East) {
         found.reverse();
     }
-    found.into_iter().map(|(_, vertex)| vertex).collect()
+    found.into_iter().map(|(_, _, vertex)| vertex).collect()
 }
 
 /// The two chunks of a file.

@@ -44,6 +44,8 @@ pub struct Level {
     /// Metres that all earth-centred coordinates of vertices are whole numbers of, where clients decode such: a power
     /// of two.
     pub lattice: Option<f64>,
+    /// Steps of heights that skirts hang down, where tiles have such.
+    pub skirt: i32,
 }
 
 impl Level {
@@ -66,7 +68,20 @@ impl Level {
         let arc = tiling::degrees(level).to_radians() * EQUATOR;
         let posts = power_above(arc / chord).max(1.0) as u32;
         let slope = spacing * f64::from(stride);
-        Ok(Self { level, tolerance, step, stride, posts, slope, lattice: None })
+        Ok(Self { level, tolerance, step, stride, posts, slope, lattice: None, skirt: 0 })
+    }
+
+    /// The same level with skirts as deep as its error and that of the next coarser level together, which borders of
+    /// the two differ by at the most.
+    #[must_use]
+    pub fn with_skirts(self) -> Self {
+        let coarser = self.level.checked_sub(1).map_or(0.0, tiling::level_error);
+        Self { skirt: ((self.tolerance + coarser) / self.step).ceil() as i32, ..self }
+    }
+
+    /// Metres that skirts hang down.
+    pub fn skirt_depth(&self) -> f64 {
+        f64::from(self.skirt) * self.step
     }
 
     /// The same level for clients that decode earth-centred coordinates, of heights in a range: on the finest lattice
@@ -76,7 +91,7 @@ impl Level {
     /// # Errors
     /// A level too deep for heights that far apart.
     pub fn on_lattice(self, range: [f64; 2]) -> Result<Self> {
-        let [low, high] = range;
+        let [low, high] = [range[0] - self.skirt_depth(), range[1]];
         let earth = EQUATOR + high.max(0.0);
         // A tile lies within a square as wide as it is at the equator, and within the earth.
         let arc = tiling::degrees(self.level).to_radians() * earth;
@@ -159,6 +174,16 @@ mod tests {
         let told = |level: u8, reach: f64| Level::new(level, 1e-6, reach).unwrap_err().to_string();
         assert!(told(tiling::DEEPEST, 20_000.0).contains("pass --max-level 19"));
         assert!(told(0, 1e30).contains("1e30 m") && told(0, 1e30).contains("nodata"));
+    }
+
+    #[test]
+    fn skirts_reach_across_the_errors_of_two_levels() {
+        for number in 0..=tiling::DEEPEST {
+            let level = Level::new(number, 1e-6, 9000.0).unwrap().with_skirts();
+            let coarser = if number == 0 { 0.0 } else { tiling::level_error(number - 1) };
+            let [least, depth] = [level.tolerance + coarser, level.skirt_depth()];
+            assert!((least..least + level.step).contains(&depth), "{level:?}");
+        }
     }
 
     #[test]

@@ -25,6 +25,7 @@ mod level;
 mod measure;
 mod overview;
 mod parts;
+mod skirt;
 mod subtree;
 mod surface;
 #[cfg(test)]
@@ -32,7 +33,7 @@ mod tests;
 mod tiling;
 
 pub use chart::Chart;
-pub use encode::quantized_mesh;
+pub use encode::{Extras, MASK_SIDE, MASK_WATER, quantized_mesh};
 pub use globe::{Turn, Upright, Vector};
 pub use gltf::{Facts, Form, glb, in_shorts};
 pub use ground::{Fill, Ground, Means, Patch, Sample};

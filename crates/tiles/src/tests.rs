@@ -202,7 +202,7 @@ fn bytes_are_those_of_the_format() {
     let land = Land::new(101, 46.0, 900.0, 3, 0);
     let (level, patch) = (land.level(12), land.patch());
     let tile = build(land.tiles(12)[0], &level, &patch).unwrap();
-    let bytes = quantized_mesh(&tile, Some((&level, &patch)), None).unwrap();
+    let bytes = quantized_mesh(&tile, Some((&level, &patch)), Extras::default()).unwrap();
     let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     let count = number(88) as usize;
     assert_eq!(count, tile.vertices.len());
@@ -218,7 +218,10 @@ fn bytes_are_those_of_the_format() {
     let text = String::from_utf8_lossy(&bytes[edges + 5 + 2 * count..]).into_owned();
     assert!(text.ends_with('}') && text.contains(r#"{"error":"#), "{text}");
     let none: Option<(&Level, &Patch<'_>)> = None;
-    assert_eq!(quantized_mesh(&tile, none, None).unwrap().len(), bytes.len() - 5 - 2 * count);
+    assert_eq!(
+        quantized_mesh(&tile, none, Extras::default()).unwrap().len(),
+        bytes.len() - 5 - 2 * count
+    );
 }
 
 /// Also where meridians meet, far beyond the land.
@@ -273,7 +276,7 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
                 });
                 assert!(tile.measure.largest <= level.tolerance);
                 let (bytes, facts) =
-                    glb(&tile, none, Form { edges: true, meshopt: false }).unwrap();
+                    glb(&tile, none, Form { edges: true, ..Form::default() }).unwrap();
                 let found = decoded(&bytes, tile.vertices.len());
                 let bits = |point: &Vector| point.0.map(f64::to_bits);
                 let mut own: Vec<_> = tile.vertices.iter().map(|v| bits(&tile.point(*v))).collect();

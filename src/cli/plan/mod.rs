@@ -11,7 +11,8 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names, parse};
 use crate::cli::{grid, tiles, tin};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::jobs::grid::plan::plan_grid;
 use crate::jobs::plan::PlanJob;
 use crate::jobs::sift::Sifted;
@@ -135,6 +136,11 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn plan_of_tiles(args: &TilesArgs) -> Result<Outcome> {
+    if args.many.are_clouds(&args.input)? {
+        return Err(Error::usage("tiles of a cloud are those of a model of its ground, which is planned first")
+            .in_file(&path_of(&args.input[0]))
+            .remedy("pass terrane plan grid with --stat tin --class 2, run it, and plan the tiles of that grid"));
+    }
     let resources = Resources::default();
     let options = args.grid.open_options(&resources);
     let Sifted { names, skipped } =

@@ -35,6 +35,15 @@ pub(crate) fn tolerance(text: &str) -> Parsed<f64> {
     }
 }
 
+/// "size" or "width,height".
+pub(crate) fn cell(text: &str) -> Parsed<[f64; 2]> {
+    let (width, height) = text.split_once(',').unwrap_or((text, text));
+    match (positive(width), positive(height)) {
+        (Ok(width), Ok(height)) => Ok([width, height]),
+        _ => Err("expected a number above zero, or two: width,height".to_owned()),
+    }
+}
+
 /// A finite number.
 pub(crate) fn finite(text: &str) -> Parsed<f64> {
     let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
@@ -180,5 +189,12 @@ mod tests {
         for text in ["1,2,3", "1,2,3,4,5", "3,2,1,4", "1,2,1,4", "a,b,c,d", "1,2,inf,4"] {
             assert!(bbox(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn sides_of_cells_are_one_or_two() {
+        assert_eq!(cell("1"), Ok([1.0, 1.0]));
+        assert_eq!(cell("0.5,2"), Ok([0.5, 2.0]));
+        assert!(["0", "-1", "a", "1,2,3", "1,0"].iter().all(|text| cell(text).is_err()));
     }
 }

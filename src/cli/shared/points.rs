@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::cli::shared::{parse, text};
-use crate::cloud::{Census, Filter, Flags, OpenOptions, Polygon, Return};
+use crate::cloud::{Census, Filter, Flags, OpenOptions, PointFormat, Polygon, Return};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::geom::wkt;
@@ -113,6 +113,12 @@ pub(crate) fn census(census: &Census) -> String {
     let left_out: String =
         left_out.map(|(count, how)| format!(", {} {how}", text::count(*count))).collect();
     format!("{} of {}{left_out}", text::count(census.kept), text::count(census.read))
+}
+
+/// A point format by number.
+pub(crate) fn parse_format(text: &str) -> std::result::Result<PointFormat, String> {
+    let number = text.parse().map_err(|_| "expected a number".to_owned())?;
+    PointFormat::new(number).map_err(|error| error.to_string())
 }
 
 /// A return by name or number.

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::bound::Bound;
-use crate::cli::shared::{args, bands, many, names, parse, points};
+use crate::cli::shared::{args, bands, ground, many, names, parse, points};
 use crate::error::{Error, Result};
 use crate::jobs::line::Length;
 
-/// Prove a mesh against its grid or point cloud, terrain tiles against their grid, or simplified lines
+/// Prove a mesh against its grid or point cloud, terrain tiles against their grid or cloud, or simplified lines
 /// against their original: error bound, coverage, topology; of lines also features, properties, heights
 /// and points; of tiles also borders, gaps between levels, and which there are. Exits with 1
 /// when a promise is broken, and with 3 when none is known to be, but one could not be judged (such
@@ -42,7 +42,8 @@ pub(crate) struct Args {
     /// Lines and polygons of this file, that edges have to follow, as in terrane tin
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) breaklines: Option<String>,
-    /// Water of this file, that has to be level, and whose banks edges have to follow, as in terrane tin
+    /// Water of this file, that has to be level, and whose banks edges have to follow, as in terrane tin; masks of
+    /// water of tiles are held to it
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) water: Option<String>,
     /// Heights of the geoid that those of the grid are counted from, as in terrane tiles
@@ -52,6 +53,8 @@ pub(crate) struct Args {
     pub(crate) many: many::Many,
     #[command(flatten)]
     pub(crate) grid: args::Grid,
+    #[command(flatten)]
+    pub(crate) ground: ground::Ground,
     #[command(flatten)]
     pub(crate) points: points::Points,
     #[command(flatten)]
@@ -136,7 +139,12 @@ impl Args {
 
     /// Refuses what tiles alone are held to, as `what` is proved.
     pub(crate) fn refuse_of_tiles(&self, what: &str) -> Result<()> {
-        self.refuse(given("--geoid", self.geoid.is_some()), "terrain tiles", what)
+        self.refuse(given("--geoid", self.geoid.is_some()), "terrain tiles", what)?;
+        self.refuse(
+            self.ground.given().map(|option| (option, option.to_owned())),
+            "terrain tiles",
+            what,
+        )
     }
 
     /// Refuses what meshes alone are held to, as tiles are proved.

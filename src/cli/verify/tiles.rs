@@ -3,37 +3,69 @@
 use crate::cli::shared::{Outcome, check, many, report, text};
 use crate::cli::verify::args::Args;
 use crate::cli::verify::told;
+use crate::cloud;
 use crate::error::{Error, Result};
 use crate::files::name_of;
 use crate::jobs::Cancel;
-use crate::jobs::sift::Sifted;
+use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::verify::tiles::{
     CheckReport, LevelReport, TilesVerifyJob, TilesVerifyReport, verify_tiles,
+    verify_tiles_of_cloud,
 };
-use crate::raster;
+use crate::raster::{self, Inputs};
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     refuse(args)?;
+    match args.many.are_clouds(&args.source)? {
+        true => of_cloud(args, cancel),
+        false => of_grid(args, cancel),
+    }
+}
+
+/// Against a model of the ground, made again.
+fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    args.grid.refuse(&args.source[0], "a point cloud")?;
+    let resources = args.machine.resources();
+    let options = args.points.open_options(&resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
+    let read = [cloud::files(&names)?, args.points.files()?].concat();
+    let job = job(args, read, Inputs::default())?;
+    let model = args.ground.model(names, options);
+    let report = verify_tiles_of_cloud(&model, &job, args.show.progress().as_ref(), cancel)?;
+    tell(args, &report, &skipped)
+}
+
+fn of_grid(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    args.ground.refuse(&args.source[0])?;
+    args.points.refuse(&args.source[0])?;
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     let Sifted { names, skipped } =
         args.many.take(&args.source, many::Kind::Grids(&options), &resources)?;
-    let args = &Args { source: names, ..args.clone() };
-    args.grid.check_all(&args.source)?;
-    let mut read = args.grid.read_with(raster::files(&args.source)?);
+    args.grid.check_all(&names)?;
+    let job = job(args, args.grid.read_with(raster::files(&names)?), names.into())?;
+    let report = verify_tiles(&job, args.show.progress().as_ref(), cancel)?;
+    tell(args, &report, &skipped)
+}
+
+/// The job against a raster; `read` are the files that are read for that.
+fn job(args: &Args, mut read: Vec<String>, raster: Inputs) -> Result<TilesVerifyJob> {
     read.extend(args.water.iter().chain(&args.geoid).cloned());
     read.push(name_of(args.mesh.clone())?);
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
-    let job = TilesVerifyJob {
+    Ok(TilesVerifyJob {
         tiles: args.mesh.clone(),
-        raster: args.source.clone().into(),
+        raster,
         reading: args.grid.reading(args.water.as_ref()),
         geoid: args.geoid.clone(),
-        resources,
-    };
-    let report = verify_tiles(&job, args.show.progress().as_ref(), cancel)?;
-    let whole = report::WithSkipped { report: &report, skipped: &skipped };
-    told::finish(args, &whole, &report.verdict, || summary(&report))
+        resources: args.machine.resources(),
+    })
+}
+
+fn tell(args: &Args, report: &TilesVerifyReport, skipped: &[Skipped]) -> Result<Outcome> {
+    let whole = report::WithSkipped { report, skipped };
+    told::finish(args, &whole, &report.verdict, || summary(report))
 }
 
 /// Refuses what tiles are not held to.
@@ -46,8 +78,7 @@ fn refuse(args: &Args) -> Result<()> {
             .in_file(&args.mesh)
             .remedy(format!("leave {option} out: layer.json states what tiles promise")));
     }
-    args.refuse_of_meshes("these are terrain tiles")?;
-    args.points.refuse(&args.source[0])
+    args.refuse_of_meshes("these are terrain tiles")
 }
 
 /// A proof for people: the verdict, what failed, and the figures.

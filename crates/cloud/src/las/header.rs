@@ -5,20 +5,19 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
 use super::bytes::Bytes;
+use crate::format::PointFormat;
 
 /// Bytes of the header of LAS 1.0 to 1.2, of 1.3 and of 1.4.
 const SIZES: [u16; 3] = [227, 235, 375];
 /// Most bytes of a header that are looked at.
 pub(super) const MOST_BYTES: u64 = 375;
-/// Bytes of a record of each point format, without extra bytes.
-const RECORD_BYTES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
-/// The first point format with more than five bits of classification.
-const FIRST_NEW: u8 = 6;
 
 /// What a LAS file says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Header {
     pub(crate) version: [u8; 2],
+    /// Number of the file or flight line.
+    pub(crate) source: u16,
     /// Bytes before the first VLR.
     pub(super) size: u16,
     /// Where points begin.
@@ -71,6 +70,7 @@ impl Header {
         let (count, notes) = count(b, is_long);
         Self {
             version: [b.u8(24), b.u8(25)],
+            source: b.u16(4),
             size: b.u16(94),
             points_at: u64::from(b.u32(96)),
             vlrs: b.u32(100),
@@ -98,7 +98,7 @@ impl Header {
             let message = format!("LAS version {major}.{minor} is not known");
             return Err(Error::unsupported(message).remedy("versions 1.0 to 1.4 are read"));
         }
-        if usize::from(self.format) >= RECORD_BYTES.len() {
+        if self.format >= PointFormat::COUNT {
             let message = format!("point format {} is not known", self.format);
             return Err(Error::unsupported(message).remedy("formats 0 to 10 are read"));
         }
@@ -122,7 +122,7 @@ impl Header {
                 self.points_at, self.size
             ));
         }
-        let least = RECORD_BYTES[usize::from(self.format)];
+        let least = least(self.format);
         if self.record < least {
             return damaged(format!(
                 "points are said to have {} bytes, and those of format {} have {least} or more",
@@ -154,13 +154,18 @@ impl Header {
 
     /// True for formats 6 to 10.
     pub(crate) fn is_new(&self) -> bool {
-        self.format >= FIRST_NEW
+        PointFormat::new(self.format).is_ok_and(PointFormat::is_new)
     }
 
     /// Extra bytes of each point.
     pub(crate) fn extra_bytes(&self) -> u16 {
-        self.record - RECORD_BYTES[usize::from(self.format)]
+        self.record - least(self.format)
     }
+}
+
+/// Bytes of a record of a point format that exists, without extra bytes.
+fn least(format: u8) -> u16 {
+    PointFormat::new(format).map_or(0, |format| format.size() as u16)
 }
 
 /// Points by the wide count of LAS 1.4, or by the narrow one where that is all there is.

@@ -24,7 +24,7 @@ use super::frame::Claim;
 use super::laz::{Compressor, Layout};
 
 /// Who writes the record without which compressed points cannot be read, and its number.
-const LASZIP: (&str, u16) = ("laszip encoded", 22_204);
+pub(super) const LASZIP: (&str, u16) = ("laszip encoded", 22_204);
 
 /// A LAS or LAZ file.
 #[derive(Debug)]

@@ -54,6 +54,16 @@ pub(crate) enum Block<'a> {
     Fields(&'a Fields),
 }
 
+impl<'a> Block<'a> {
+    /// What was decompressed, as it was wanted.
+    fn new(fields: &'a Fields, wanted: Wanted) -> Self {
+        match wanted.records {
+            true => Self::Records(&fields.records),
+            false => Self::Fields(fields),
+        }
+    }
+}
+
 impl Part {
     fn new(kind: Kind, first: u64, chunk: Chunk) -> Self {
         let Chunk { at, bytes, points } = chunk;
@@ -145,9 +155,10 @@ fn with_lost(mut parts: Vec<Part>, claimed: u64) -> Vec<Part> {
 type Each<'a> = dyn FnMut(u64, Block<'_>) -> Result<()> + 'a;
 
 impl LasFile {
-    /// Hands on the points of a part; returns how many of its points cannot be read. With `salvage`, a
-    /// chunk is handed on whole or not at all: points decode from damaged bytes, too, and nothing tells
-    /// where in a chunk the damage begins, only that something in it is not as it can be.
+    /// Hands on the points of a part, as whole records if those are wanted or if they are not compressed;
+    /// returns how many of its points cannot be read. With `salvage`, a chunk is handed on whole or not
+    /// at all: points decode from damaged bytes, too, and nothing tells where in a chunk the damage
+    /// begins, only that something in it is not as it can be.
     ///
     /// # Errors
     /// Damage, unless it is passed over, and whatever `each` returns.
@@ -196,7 +207,7 @@ impl LasFile {
         }
         let mut unpack = |each: &mut dyn FnMut(&Fields) -> Result<()>| match part.kind {
             Kind::Stream => {
-                let found = unpacker.stream(layout, (&file, part.at), part.points, each)?;
+                let found = unpacker.stream(layout, (&file, part.at), part.points, wanted, each)?;
                 Ok(found.map(drop))
             }
             _ => unpacker.chunk(layout, bytes, part.points, wanted, each),
@@ -215,7 +226,7 @@ impl LasFile {
         let decoded = unpack(&mut |fields| {
             let first = next;
             next += fields.len() as u64;
-            each(first, Block::Fields(fields))
+            each(first, Block::new(fields, wanted))
         })?;
         let Err(what) = decoded else { return Ok(0) };
         let last = part.first + part.points - 1;
@@ -242,3 +253,6 @@ fn can_be(fields: &Fields, reach: &Option<Claim>) -> bool {
     let returned = |bits: &u8| bits >> 4 == 0 || bits & 15 <= bits >> 4;
     fields.places.iter().all(within) && fields.returns.iter().all(returned)
 }
+
+#[cfg(test)]
+mod tests;

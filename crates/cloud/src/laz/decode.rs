@@ -11,8 +11,9 @@ use terrane_files::RawFile;
 
 use super::{Compressor, Layout, layers};
 
-/// Points that are decoded before they are handed on.
+/// Points that are decoded before they are handed on, and most bytes of their records.
 const BLOCK: u64 = 8192;
+const BLOCK_BYTES: usize = 1 << 20;
 /// Bytes of a stream that are at hand, as long as it has so many.
 const WINDOW: usize = 1 << 20;
 /// More symbols than a point has beside a byte for each of its record's, and bytes of each.
@@ -52,14 +53,15 @@ impl Unpacker {
             return Ok(Err(what));
         }
         let chunk = Chunk { bytes, count: count as usize };
+        let block = if wanted.records { records_at_once(layout) } else { BLOCK };
         match self.decoder.stream(&layout.schema, chunk, wanted) {
-            Ok(stream) => go(stream, count, &mut self.fields, each),
+            Ok(stream) => go(stream, (count, block), &mut self.fields, each),
             Err(what) => Ok(Err(what.to_string())),
         }
     }
 
     /// Decodes the `count` points of the stream that begins at byte `at` of `file`; returns the bytes
-    /// it takes.
+    /// it takes. Fields that are not wanted hold anything.
     ///
     /// # Errors
     /// Whatever `each` returns, and a file that cannot be read.
@@ -68,13 +70,14 @@ impl Unpacker {
         layout: &Layout,
         (file, at): (&RawFile, u64),
         count: u64,
+        wanted: Wanted,
         each: &mut Each<'_>,
     ) -> Decoded<u64> {
         let Self { decoder, fields, window } = self;
         window.clear();
         let mut window = Window { file, end: at, bytes: window };
         window.fill()?;
-        let mut flow = match decoder.flow(&layout.schema, window.bytes) {
+        let mut flow = match decoder.flow(&layout.schema, window.bytes, wanted) {
             Ok((flow, left)) => window.keep(left, flow),
             Err(what) => return Ok(Err(what.to_string())),
         };
@@ -93,6 +96,11 @@ impl Unpacker {
         let end = flow.end(window.bytes);
         Ok(end.map(|behind| window.end - behind as u64 - at).map_err(|what| what.to_string()))
     }
+}
+
+/// Points whose records are decoded before they are handed on.
+fn records_at_once(layout: &Layout) -> u64 {
+    (BLOCK_BYTES / layout.record.max(1)).clamp(1, BLOCK as usize) as u64
 }
 
 /// Points that a full window holds, whatever they are.
@@ -137,17 +145,17 @@ impl Window<'_> {
     }
 }
 
-/// Hands on block after block of a chunk.
+/// Hands on `count` points of a chunk, so many at a time.
 fn go(
     mut stream: Stream<'_, '_>,
-    count: u64,
+    (count, block): (u64, u64),
     fields: &mut Fields,
     each: &mut Each<'_>,
 ) -> Decoded<()> {
     let mut left = count;
     while left > 0 {
         fields.clear();
-        let points = BLOCK.min(left);
+        let points = block.min(left);
         if let Err(what) = stream.read(points as usize, fields) {
             return Ok(Err(what.to_string()));
         }

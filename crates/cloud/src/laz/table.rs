@@ -7,6 +7,7 @@ use laz::decoders::ArithmeticDecoder;
 use laz::decompressors::IntegerDecompressorBuilder;
 
 use crate::las::{Bytes, Header};
+use crate::lazip::Wanted;
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 
@@ -201,9 +202,9 @@ fn follow(
     let (mut unpacker, mut chunks) = (Unpacker::default(), Vec::new());
     while left > 0 && at < file.size() {
         let points = u64::from(full).min(left);
-        let Ok(bytes) = unpacker.stream(layout, (file, at), points, &mut |_| Ok(()))? else {
-            break;
-        };
+        let found =
+            unpacker.stream(layout, (file, at), points, Wanted::default(), &mut |_| Ok(()))?;
+        let Ok(bytes) = found else { break };
         chunks.push(Chunk { at, bytes, points });
         (at, left) = (at + bytes, left - points);
     }

@@ -12,7 +12,9 @@ pub(super) const RECORD: usize = 30;
 
 /// Bits of the symbol that says what differs from the point before.
 pub(super) const CHANNEL: usize = 1 << 6;
+pub(super) const SOURCE: usize = 1 << 5;
 pub(super) const TIME: usize = 1 << 4;
+pub(super) const ANGLE: usize = 1 << 3;
 const OF: usize = 1 << 2;
 const NUMBER: usize = 3;
 

@@ -66,6 +66,11 @@ impl<'a, M: Machine> Coder<'a, M> {
         self.is_sound() && (most - unit + 1..=most).contains(&self.value)
     }
 
+    /// Whether the stream ends here, and nothing follows it.
+    pub(super) fn is_all(&self) -> bool {
+        self.is_at_end() && self.left() == 0
+    }
+
     /// Bytes that were not taken in.
     pub(super) fn left(&self) -> usize {
         self.rest.len()

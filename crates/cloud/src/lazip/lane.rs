@@ -1,54 +1,11 @@
 //! A layered chunk on its way, point by point and step by step.
 
+use super::Fields;
 use super::channel::{CHANNEL, Channel, TIME};
-use super::coder::Coder;
 use super::integer::lower;
 use super::machine::{Machine, Plain};
-use super::{Damage, Fields, Layer};
-
-/// The streams that are decoded. A stream that is absent leaves its field as it was.
-#[derive(Clone, Copy)]
-pub(super) struct Streams<'a, M> {
-    pub(super) places: Coder<'a, M>,
-    pub(super) heights: Option<Coder<'a, M>>,
-    pub(super) classes: Option<Coder<'a, M>>,
-    pub(super) flags: Option<Coder<'a, M>>,
-}
-
-impl<'a, M: Machine> Streams<'a, M> {
-    /// The same, for another machine.
-    pub(super) fn on<N: Machine>(self) -> Streams<'a, N> {
-        Streams {
-            places: self.places.on(),
-            heights: self.heights.map(Coder::on),
-            classes: self.classes.map(Coder::on),
-            flags: self.flags.map(Coder::on),
-        }
-    }
-
-    /// Says which layer is damaged, if any is.
-    pub(super) fn check(&self) -> Result<(), Damage> {
-        self.find(Coder::is_sound)
-    }
-
-    /// Says which layer does not end here, if any does not.
-    pub(super) fn check_ends(&self) -> Result<(), Damage> {
-        self.find(|coder| coder.is_at_end() && coder.left() == 0)
-    }
-
-    /// Says which layer is not `right`.
-    fn find(&self, right: impl Fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
-        let layers = [
-            (Layer::Places, Some(self.places)),
-            (Layer::Heights, self.heights),
-            (Layer::Classes, self.classes),
-            (Layer::Flags, self.flags),
-        ];
-        let is_off = |coder: Option<Coder<'a, M>>| coder.is_some_and(|coder| !right(&coder));
-        let off = layers.into_iter().find(|(_, coder)| is_off(*coder));
-        off.map_or(Ok(()), |(layer, _)| Err(Damage::Layer(layer)))
-    }
-}
+use super::rest::Trace;
+use super::streams::Streams;
 
 /// A chunk on its way. Each step of a point decodes one symbol, so that steps of several chunks can
 /// take turns: a step has to wait for the one before it, but not for those of other chunks.
@@ -57,6 +14,7 @@ pub(super) struct Lane<'r, 'a, M> {
     current: usize,
     streams: Streams<'a, M>,
     fields: &'r mut Fields,
+    traces: &'r mut Vec<Trace>,
     changes: usize,
     /// Whether the return is expected to be the only one of its pulse.
     is_single: usize,
@@ -74,12 +32,14 @@ impl<'r, 'a, M: Machine> Lane<'r, 'a, M> {
         current: usize,
         streams: Streams<'a, M>,
         fields: &'r mut Fields,
+        traces: &'r mut Vec<Trace>,
     ) -> Self {
         Self {
             channels,
             current,
             streams,
             fields,
+            traces,
             changes: 0,
             is_single: 0,
             kind: 0,
@@ -206,10 +166,13 @@ impl<'r, 'a, M: Machine> Lane<'r, 'a, M> {
         last.flags = coder.symbol(channel.flags[before].ready(64)) as u8;
     }
 
-    /// Hands the point on.
+    /// Hands the point on, and what other layers have to know of it if it is to be `TRACED`.
     #[inline(always)]
-    pub(super) fn finish(&mut self) {
+    pub(super) fn finish<const TRACED: bool>(&mut self) {
         self.fields.push(&self.channels[self.current & 3].last);
+        if TRACED {
+            self.traces.push(Trace::new(self.changes, self.current));
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-//! A decoder of compressed chunks of points (LASzip), for the fields that grids and meshes need.
+//! A decoder of compressed chunks of points (LASzip): the fields that grids and meshes need, or whole
+//! records, byte for byte as they stand in a file that is not compressed.
 //!
 //! Pure functions on bytes: no file, no thread. Bytes may be hostile: whatever they are, the decoder
 //! yields the points asked for or says what is damaged, in time and memory proportional to the bytes
@@ -10,7 +11,9 @@
 //! has two (see [`Decoder::pair`]).
 //!
 //! The layers that a filter needs are decoded into columns, some thousand points at a time, so that
-//! memory does not depend on what a chunk claims. Files that are one stream (before LASzip had chunks)
+//! memory does not depend on what a chunk claims. The layers that only whole records need follow once it
+//! is known of so many points where they are and what changes with them, so that nobody else waits for
+//! them. Files that are one stream (before LASzip had chunks)
 //! pass through a window, as they need not fit in memory, and so do chunks whose table is lost, to find
 //! where they end.
 //!
@@ -23,8 +26,11 @@
 //! hand it on; without salvage the end is looked at all the same, and a chunk that does not end is an
 //! error.
 
+mod attributes;
+mod body;
 mod channel;
 mod coder;
+mod colour;
 mod follow;
 mod integer;
 mod lane;
@@ -33,9 +39,14 @@ mod machine;
 mod median;
 mod model;
 mod old;
+mod packet;
 mod pointwise;
+mod rest;
 mod returns;
 mod schema;
+mod streams;
+mod tails;
+mod time;
 
 use channel::Point;
 use layered::Layered;
@@ -55,11 +66,15 @@ pub struct Wanted {
     pub class: bool,
     /// The flags.
     pub flags: bool,
+    /// Whole records, which hold all of these and whatever else there is.
+    pub records: bool,
 }
 
 impl Wanted {
-    /// Every field that the decoder knows.
-    pub const ALL: Self = Self { z: true, class: true, flags: true };
+    /// Every field that has a column of its own.
+    pub const ALL: Self = Self { z: true, class: true, flags: true, records: false };
+    /// Whole records, and every field that has a column of its own.
+    pub const RECORDS: Self = Self { records: true, ..Self::ALL };
 }
 
 /// Fields of points, an element per point; those that are not wanted hold no meaning.
@@ -74,6 +89,15 @@ pub struct Fields {
     /// Synthetic (1), key point (2), withheld (4), overlap (8), scan direction (16), edge of flight
     /// line (32).
     pub flags: Vec<u8>,
+    /// Whole records, one after another, if they are wanted, and nothing otherwise.
+    pub records: Vec<u8>,
+}
+
+/// How much of [`Fields`] was there.
+#[derive(Clone, Copy)]
+struct Mark {
+    points: usize,
+    bytes: usize,
 }
 
 impl Fields {
@@ -89,14 +113,19 @@ impl Fields {
 
     /// Removes all points, and keeps their room.
     pub fn clear(&mut self) {
-        self.truncate(0);
+        self.truncate(Mark { points: 0, bytes: 0 });
     }
 
-    fn truncate(&mut self, count: usize) {
-        self.places.truncate(count);
-        self.classes.truncate(count);
-        self.returns.truncate(count);
-        self.flags.truncate(count);
+    fn mark(&self) -> Mark {
+        Mark { points: self.len(), bytes: self.records.len() }
+    }
+
+    fn truncate(&mut self, Mark { points, bytes }: Mark) {
+        self.places.truncate(points);
+        self.classes.truncate(points);
+        self.returns.truncate(points);
+        self.flags.truncate(points);
+        self.records.truncate(bytes);
     }
 
     fn reserve(&mut self, count: usize) {
@@ -135,6 +164,24 @@ pub enum Layer {
     Classes,
     /// Flags.
     Flags,
+    /// Intensities.
+    Intensities,
+    /// Scan angles.
+    Angles,
+    /// User data.
+    UserData,
+    /// Point sources.
+    Sources,
+    /// Times.
+    Times,
+    /// Colours.
+    Colours,
+    /// Near infrared.
+    Infrared,
+    /// Wave packets.
+    Packets,
+    /// One of the extra bytes.
+    ExtraBytes,
     /// Whole records, where fields are no layers.
     Records,
 }
@@ -146,6 +193,15 @@ impl fmt::Display for Layer {
             Self::Heights => "heights",
             Self::Classes => "classes",
             Self::Flags => "flags",
+            Self::Intensities => "intensities",
+            Self::Angles => "scan angles",
+            Self::UserData => "user data",
+            Self::Sources => "point sources",
+            Self::Times => "times",
+            Self::Colours => "colours",
+            Self::Infrared => "infrared",
+            Self::Packets => "wave packets",
+            Self::ExtraBytes => "extra bytes",
             Self::Records => "records",
         })
     }
@@ -172,7 +228,8 @@ impl fmt::Display for Damage {
     }
 }
 
-/// Decodes chunks; one per thread, used again and again. It keeps some 2 MiB.
+/// Decodes chunks; one per thread, used again and again. It keeps some 2 MiB, once whole records were
+/// wanted some 4 MiB, and for each extra byte a KiB in each scanner channel that there was.
 #[derive(Default)]
 pub struct Decoder {
     layered: [Layered; 2],
@@ -214,11 +271,11 @@ impl Decoder {
     ) -> Result<Stream<'d, 'a>, Damage> {
         let [layered, _] = &mut self.layered;
         Ok(Stream(match &schema.layout {
-            &Layout::Layered(layers) => {
+            Layout::Layered(layers) => {
                 Way::Layered(layered::Run::new(layered, layers, chunk, wanted)?)
             }
             Layout::Pointwise(records) => {
-                let run = pointwise::Run::new(&mut self.pointwise, records, chunk.bytes)?;
+                let run = pointwise::Run::new(&mut self.pointwise, records, chunk.bytes, wanted)?;
                 Way::Pointwise(&mut self.pointwise, run)
             }
         }))
@@ -229,11 +286,16 @@ impl Decoder {
     ///
     /// # Errors
     /// Bytes that do not hold the first point.
-    pub fn flow(&mut self, schema: &Schema, bytes: &[u8]) -> Result<(Flow<'_>, usize), Damage> {
+    pub fn flow(
+        &mut self,
+        schema: &Schema,
+        bytes: &[u8],
+        wanted: Wanted,
+    ) -> Result<(Flow<'_>, usize), Damage> {
         let Layout::Pointwise(records) = &schema.layout else {
             return Err(Damage::Layer(Layer::Records));
         };
-        let run = pointwise::Run::new(&mut self.pointwise, records, bytes)?;
+        let run = pointwise::Run::new(&mut self.pointwise, records, bytes, wanted)?;
         Ok((Flow(&mut self.pointwise, run.with(&[])), run.left()))
     }
 
@@ -250,7 +312,7 @@ impl Decoder {
         fields: &mut [Fields; 2],
     ) -> [Result<(), Damage>; 2] {
         let counts = chunks.map(|chunk| chunk.count);
-        if let Layout::Layered(layers) = schema.layout
+        if let Layout::Layered(layers) = &schema.layout
             && !counts.contains(&0)
         {
             let [first, second] = &mut self.layered;
@@ -258,7 +320,7 @@ impl Decoder {
             let first = layered::Run::new(first, layers, one, wanted);
             let second = layered::Run::new(second, layers, other, wanted);
             if let (Ok(first), Ok(second)) = (first, second) {
-                let before = fields.each_ref().map(Fields::len);
+                let before = fields.each_ref().map(Fields::mark);
                 let done = layered::read_two(&mut [first, second], counts, fields);
                 return [0, 1].map(|i| done[i].inspect_err(|_| fields[i].truncate(before[i])));
             }
@@ -281,7 +343,7 @@ impl Stream<'_, '_> {
     /// # Errors
     /// Damage so far; none of the `count` points are appended then.
     pub fn read(&mut self, count: usize, fields: &mut Fields) -> Result<(), Damage> {
-        let before = fields.len();
+        let before = fields.mark();
         fields.reserve(count);
         let done = match &mut self.0 {
             Way::Layered(run) => run.read(count, fields),

@@ -19,15 +19,18 @@ const ANGLE: usize = 1 << 2;
 const USER: usize = 1 << 1;
 const SOURCE: usize = 1;
 
-/// Fields that later points depend on.
+/// The fields of that part.
 #[derive(Clone, Copy)]
 pub(super) struct First {
     place: [i32; 3],
+    intensity: u16,
     /// Return number, number of returns, scan direction, edge of flight line.
     bits: u8,
     /// The class, and flags in its upper bits.
     class: u8,
+    angle: u8,
     user: u8,
+    source: u16,
 }
 
 impl First {
@@ -36,10 +39,24 @@ impl First {
         let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
         Self {
             place: [axis(0), axis(4), axis(8)],
+            intensity: u16::from_le_bytes([record[12], record[13]]),
             bits: record[14],
             class: record[15],
+            angle: record[16],
             user: record[17],
+            source: u16::from_le_bytes([record[18], record[19]]),
         }
+    }
+
+    /// The record of the fields.
+    #[inline(always)]
+    fn record(self) -> [u8; OLD_RECORD] {
+        let mut record = [0; OLD_RECORD];
+        record[..12].copy_from_slice(self.place.map(i32::to_le_bytes).as_flattened());
+        record[12..14].copy_from_slice(&self.intensity.to_le_bytes());
+        record[14..18].copy_from_slice(&[self.bits, self.class, self.angle, self.user]);
+        record[18..].copy_from_slice(&self.source.to_le_bytes());
+        record
     }
 
     fn returns(self) -> Returns {
@@ -68,6 +85,8 @@ pub(super) struct Old {
     oldest: usize,
     /// Last height, by depth of the return.
     heights: [i32; 8],
+    /// Last intensity, by group of returns (second version).
+    intensities: [u16; 16],
     changes: Model<4>,
     bits: Vec<Model<16>>,
     classes: Vec<Model<16>>,
@@ -92,6 +111,7 @@ impl Old {
             recent: [[0; 2]; 3],
             oldest: 0,
             heights: [0; 8],
+            intensities: [0; 16],
             changes: Model::new(),
             bits: vec![Model::new(); 256],
             classes: vec![Model::new(); 256],
@@ -114,6 +134,7 @@ impl Old {
         self.recent = [[0; 2]; 3];
         self.oldest = 0;
         self.heights = [0; 8];
+        self.intensities = [0; 16];
         self.changes.clear();
         for models in [&mut self.bits, &mut self.classes, &mut self.users] {
             models.iter_mut().for_each(Model::clear);
@@ -126,6 +147,12 @@ impl Old {
         self.y.clear();
         self.z.clear();
         first.point()
+    }
+
+    /// The record of the last point.
+    #[inline(always)]
+    pub(super) fn record(&self) -> [u8; OLD_RECORD] {
+        self.last.record()
     }
 
     /// Takes in the next point.
@@ -146,21 +173,25 @@ impl Old {
         }
         let returns = self.last.returns();
         let group = returns.old_group();
+        let intensity = &mut self.intensities[group];
         if changes & INTENSITY != 0 {
-            self.intensity.next(coder, group.min(3));
+            let difference = self.intensity.next(coder, group.min(3)).0;
+            *intensity = intensity.wrapping_add(difference as u16);
         }
+        self.last.intensity = *intensity;
         if changes & CLASS != 0 {
             self.next_class(coder);
         }
         if changes & ANGLE != 0 {
             let direction = usize::from(self.last.bits >> 6 & 1);
-            coder.symbol(self.angles[direction].ready(256));
+            let difference = coder.symbol(self.angles[direction].ready(256));
+            self.last.angle = self.last.angle.wrapping_add(difference as u8);
         }
         if changes & USER != 0 {
             self.next_user(coder);
         }
         if changes & SOURCE != 0 {
-            self.source.next(coder, 0);
+            self.next_source(coder);
         }
         let is_single = usize::from(returns.is_single());
         let [x_steps, y_steps] = &mut self.steps[group];
@@ -188,7 +219,8 @@ impl Old {
         let changes = coder.symbol(self.changes.ready(64));
         // The first version has these two the other way round.
         if changes & BITS != 0 {
-            self.intensity.next(coder, 0);
+            let difference = self.intensity.next(coder, 0).0;
+            self.last.intensity = self.last.intensity.wrapping_add(difference as u16);
         }
         if changes & INTENSITY != 0 {
             self.next_bits(coder);
@@ -197,13 +229,14 @@ impl Old {
             self.next_class(coder);
         }
         if changes & ANGLE != 0 {
-            self.angle.next(coder, usize::from(size < 3));
+            let difference = self.angle.next(coder, usize::from(size < 3)).0;
+            self.last.angle = self.last.angle.wrapping_add(difference as u8);
         }
         if changes & USER != 0 {
             self.next_user(coder);
         }
         if changes & SOURCE != 0 {
-            self.source.next(coder, 0);
+            self.next_source(coder);
         }
     }
 
@@ -240,5 +273,10 @@ impl Old {
     fn next_user<M: Machine>(&mut self, coder: &mut Coder<M>) {
         let user = &mut self.last.user;
         *user = coder.symbol(self.users[usize::from(*user)].ready(256)) as u8;
+    }
+    #[inline(always)]
+    fn next_source<M: Machine>(&mut self, coder: &mut Coder<M>) {
+        let source = &mut self.last.source;
+        *source = source.wrapping_add(self.source.next(coder, 0).0 as u16);
     }
 }

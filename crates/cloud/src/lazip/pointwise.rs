@@ -5,8 +5,8 @@ use super::coder::Coder;
 use super::follow::Follow;
 use super::machine::{Machine, Plain, Work, run};
 use super::old::{First, OLD_RECORD, Old};
-use super::schema::{Item, Records};
-use super::{Damage, Fields, Layer};
+use super::schema::{self, Item};
+use super::{Damage, Fields, Layer, Wanted};
 
 /// What is kept from chunk to chunk, to be used again.
 #[derive(Default)]
@@ -15,11 +15,16 @@ pub(super) struct Pointwise {
     follow: Vec<Follow>,
     /// What `follow` decodes.
     items: Vec<Item>,
+    /// The last record. What follows the part that all share is up to date.
+    record: Vec<u8>,
 }
 
 impl Pointwise {
-    /// Makes ready for a chunk, in the room of the one before where records are alike.
-    fn begin(&mut self, items: &[Item]) {
+    /// Makes ready for a chunk that begins with a record, in the room of the one before where records
+    /// are alike.
+    fn begin(&mut self, items: &[Item], record: &[u8]) {
+        self.record.clear();
+        self.record.extend_from_slice(record);
         if self.items == items {
             self.follow.iter_mut().for_each(Follow::clear);
             return;
@@ -32,6 +37,7 @@ impl Pointwise {
 /// A stream on its way.
 pub(super) struct Run<'a> {
     first: Option<Point>,
+    wants_records: bool,
     coder: Option<Coder<'a, Plain>>,
     bytes: &'a [u8],
 }
@@ -40,14 +46,17 @@ impl<'a> Run<'a> {
     /// Begins with the record of the first point.
     pub(super) fn new(
         pointwise: &mut Pointwise,
-        records: &Records,
+        records: &schema::Records,
         bytes: &'a [u8],
+        wanted: Wanted,
     ) -> Result<Self, Damage> {
-        let record: &[u8; OLD_RECORD] = bytes.first_chunk().ok_or(Damage::Short)?;
-        let bytes = bytes.get(OLD_RECORD + records.bytes..).ok_or(Damage::Short)?;
-        pointwise.begin(&records.follow);
+        let size = OLD_RECORD + records.bytes;
+        let (record, bytes) = bytes.split_at_checked(size).ok_or(Damage::Short)?;
+        let first = First::new(record.first_chunk().ok_or(Damage::Short)?);
+        pointwise.begin(&records.follow, record);
         let old = pointwise.old.get_or_insert_with(Old::boxed);
-        Ok(Self { first: Some(old.begin(records.version, First::new(record))), coder: None, bytes })
+        let first = Some(old.begin(records.version, first));
+        Ok(Self { first, wants_records: wanted.records, coder: None, bytes })
     }
 
     /// Bytes behind the end of the stream, which must be here.
@@ -66,7 +75,8 @@ impl<'a> Run<'a> {
 
     /// The same, with other bytes to go on with.
     pub(super) fn with<'b>(&self, bytes: &'b [u8]) -> Run<'b> {
-        Run { first: self.first, coder: self.coder.map(|coder| coder.with(bytes)), bytes }
+        let Self { first, wants_records, coder, .. } = *self;
+        Run { first, wants_records, coder: coder.map(|coder| coder.with(bytes)), bytes }
     }
 
     /// Decodes the next `count` points.
@@ -76,18 +86,35 @@ impl<'a> Run<'a> {
         count: usize,
         fields: &mut Fields,
     ) -> Result<(), Damage> {
-        let first = self.first.take_if(|_| count > 0);
-        first.iter().for_each(|first| fields.push(first));
-        let count = count - usize::from(first.is_some());
+        let count = count - usize::from(self.begin(pointwise, count, fields));
         if count == 0 {
             return Ok(());
         }
         let damage = Damage::Layer(Layer::Records);
         let coder = self.coder.or_else(|| Coder::new(self.bytes)).ok_or(damage)?;
-        let Some(old) = &mut pointwise.old else { return Err(damage) };
-        let coder = run(Points { old, follow: &mut pointwise.follow, coder, count, fields });
+        let Pointwise { old: Some(old), follow, record, .. } = pointwise else {
+            return Err(damage);
+        };
+        let points = Points { old, follow, record, coder, count, fields };
+        let coder = match self.wants_records {
+            true => run(Records(points)),
+            false => run(points),
+        };
         self.coder = Some(coder);
         if coder.is_sound() { Ok(()) } else { Err(damage) }
+    }
+
+    /// Hands on the first point, if it is one of `count` and was not yet; returns whether it was.
+    fn begin(&mut self, pointwise: &Pointwise, count: usize, fields: &mut Fields) -> bool {
+        if self.wants_records {
+            fields.records.reserve(count * pointwise.record.len());
+        }
+        let Some(first) = self.first.take_if(|_| count > 0) else { return false };
+        fields.push(&first);
+        if self.wants_records {
+            fields.records.extend_from_slice(&pointwise.record);
+        }
+        true
     }
 }
 
@@ -95,9 +122,31 @@ impl<'a> Run<'a> {
 struct Points<'a, 'b> {
     old: &'a mut Old,
     follow: &'a mut [Follow],
+    /// The last record.
+    record: &'a mut [u8],
     coder: Coder<'b, Plain>,
     count: usize,
     fields: &'a mut Fields,
+}
+
+impl<'b> Points<'_, 'b> {
+    #[inline(always)]
+    fn decode<M: Machine, const WANTS_RECORDS: bool>(self) -> Coder<'b, Plain> {
+        let mut coder = self.coder.on::<M>();
+        for _ in 0..self.count {
+            let point = self.old.next(&mut coder);
+            let mut rest = &mut self.record[OLD_RECORD..];
+            for item in &mut *self.follow {
+                item.next(&mut coder, &mut rest);
+            }
+            self.fields.push(&point);
+            if WANTS_RECORDS {
+                self.record[..OLD_RECORD].copy_from_slice(&self.old.record());
+                self.fields.records.extend_from_slice(self.record);
+            }
+        }
+        coder.on()
+    }
 }
 
 impl<'b> Work for Points<'_, 'b> {
@@ -105,14 +154,18 @@ impl<'b> Work for Points<'_, 'b> {
 
     #[inline(always)]
     fn work<M: Machine>(self, _: M) -> Self::Result {
-        let mut coder = self.coder.on::<M>();
-        for _ in 0..self.count {
-            let point = self.old.next(&mut coder);
-            for item in &mut *self.follow {
-                item.next(&mut coder);
-            }
-            self.fields.push(&point);
-        }
-        coder.on()
+        self.decode::<M, false>()
+    }
+}
+
+/// The same, and their records.
+struct Records<'a, 'b>(Points<'a, 'b>);
+
+impl<'b> Work for Records<'_, 'b> {
+    type Result = Coder<'b, Plain>;
+
+    #[inline(always)]
+    fn work<M: Machine>(self, _: M) -> Self::Result {
+        self.0.decode::<M, true>()
     }
 }

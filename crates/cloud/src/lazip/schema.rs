@@ -1,5 +1,6 @@
 //! How the records of a compressed file are made up, as its LASzip record says.
 
+use super::Layer;
 use super::follow::Follow;
 use std::fmt;
 
@@ -61,12 +62,14 @@ pub(super) struct Records {
 }
 
 /// What follows the part that all layered records share.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layers {
+    /// How all is compressed.
+    pub(super) version: u16,
     /// Bytes of a record.
     pub(super) bytes: usize,
-    /// Layers of a chunk.
-    pub(super) layers: usize,
+    /// Layers of a chunk, as their parts stand in a record.
+    pub(super) layers: Vec<Layer>,
 }
 
 impl Schema {
@@ -78,7 +81,7 @@ impl Schema {
         let none = Item { kind: 0, size: 0, version: 0 };
         let (&first, rest) = items.split_first().ok_or(none)?;
         let layout = match (first.kind, first.size, first.version) {
-            (10, 30, 3 | 4) => Layout::Layered(Layers::new(rest)?),
+            (10, 30, 3 | 4) => Layout::Layered(Layers::new(first.version, rest)?),
             (6, 20, 1 | 2) => Layout::Pointwise(Records::new(first.version, rest)?),
             _ => return Err(first),
         };
@@ -99,17 +102,19 @@ impl Records {
 }
 
 impl Layers {
-    fn new(items: &[Item]) -> Result<Self, Item> {
-        let mut sum = Self::default();
+    fn new(version: u16, items: &[Item]) -> Result<Self, Item> {
+        let mut all = Self { version, bytes: 0, layers: Vec::new() };
         for item in items {
-            sum.bytes += usize::from(item.size);
-            sum.layers += match (item.kind, item.size, item.version) {
-                (11, 6, 3 | 4) | (13, 29, 3 | 4) => 1,
-                (12, 8, 3 | 4) => 2,
-                (14, size, 3 | 4) => usize::from(size),
+            all.bytes += usize::from(item.size);
+            match (item.kind, item.size) {
+                _ if item.version != version => return Err(*item),
+                (11, 6) => all.layers.push(Layer::Colours),
+                (12, 8) => all.layers.extend([Layer::Colours, Layer::Infrared]),
+                (13, 29) => all.layers.push(Layer::Packets),
+                (14, size) => all.layers.extend(vec![Layer::ExtraBytes; size.into()]),
                 _ => return Err(*item),
-            };
+            }
         }
-        Ok(sum)
+        Ok(all)
     }
 }

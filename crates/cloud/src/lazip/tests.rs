@@ -1,6 +1,8 @@
 //! The decoder against the `laz` crate, on chunks that the crate compressed.
 
+mod moves;
 mod records;
+mod whole;
 
 use super::*;
 use laz::las::{Point1, Point2, Point3};
@@ -188,7 +190,8 @@ fn only_wanted_fields_are_decoded() {
     let all = new_fields(&records, size);
     let mut decoder = Decoder::new();
     for mask in 0..8 {
-        let wanted = Wanted { z: mask & 1 != 0, class: mask & 2 != 0, flags: mask & 4 != 0 };
+        let [z, class, flags] = [1, 2, 4].map(|bit| mask & bit != 0);
+        let wanted = Wanted { z, class, flags, records: false };
         let mut fields = Fields::default();
         decoder.chunk(&schema(&items), chunk, wanted, &mut fields).unwrap();
         let flat = |fields: &Fields| fields.places.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>();

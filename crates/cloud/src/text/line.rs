@@ -1,6 +1,7 @@
 //! Lines of text clouds: separators, headings, numbers.
 
 use crate::Flags;
+use crate::PointFormat;
 use crate::lattice::MOST_DECIMALS;
 use crate::sieve::Raw;
 
@@ -26,6 +27,17 @@ pub(crate) struct Line {
     pub(super) xyz: [i32; 3],
     pub(super) class: u8,
     pub(super) returns: [u8; 2],
+}
+
+impl Line {
+    /// As a record of point format 6.
+    pub(crate) fn record(&self) -> [u8; PointFormat::NEW] {
+        let (mut record, [number, returns]) = ([0; PointFormat::NEW], self.returns);
+        record[..12].copy_from_slice(self.xyz.map(i32::to_le_bytes).as_flattened());
+        record[14] = number.min(15) | returns.min(15) << 4;
+        record[16] = self.class;
+        record
+    }
 }
 
 impl Raw for Line {

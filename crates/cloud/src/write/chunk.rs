@@ -7,8 +7,9 @@ use laz::compressors::IntegerCompressorBuilder;
 use laz::encoders::ArithmeticEncoder;
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 
+use super::Record;
 use super::tally::Tally;
-use super::{PointFormat, Record};
+use crate::format::PointFormat;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Points of a chunk, the usual number in LAZ files.
@@ -18,8 +19,45 @@ pub const CHUNK: usize = 50_000;
 #[derive(Clone, Debug)]
 pub struct Layout {
     format: PointFormat,
+    /// Bytes of a record.
+    size: usize,
+    packing: Packing,
     /// How they are compressed, if they are.
     laz: Option<Arc<LazVlr>>,
+}
+
+/// How points are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packing {
+    /// As they are (LAS).
+    #[default]
+    Plain,
+    /// Compressed, [`CHUNK`] points at a time (LAZ).
+    Chunks,
+    /// Compressed, any number of points at a time (COPC).
+    Nodes,
+    /// Lines of text, which no [`Layout`](super::Layout) makes.
+    Text,
+}
+
+impl Packing {
+    /// Fails where points of this format cannot be so packed.
+    pub(crate) fn check(self, format: PointFormat) -> Result<()> {
+        if self != Self::Nodes || format.is_new() && !format.has_waves() {
+            return Ok(());
+        }
+        Err(Error::unsupported(format!("COPC has no points of format {}", format.number()))
+            .remedy("choose point format 6, 7 or 8, or a name that ends in .laz only"))
+    }
+
+    /// The first format that can be so packed and holds all fields of another.
+    pub(crate) fn holding(self, held: PointFormat) -> Result<PointFormat> {
+        let format = match self {
+            Self::Nodes => held.holding(PointFormat::default()),
+            Self::Plain | Self::Chunks | Self::Text => held,
+        };
+        self.check(format).map(|()| format)
+    }
 }
 
 /// Points ready to be written.
@@ -37,13 +75,23 @@ impl Chunk {
 }
 
 impl Layout {
-    pub(super) fn new(format: PointFormat, compress: bool) -> Result<Self> {
-        let laz = compress.then(|| vlr(format)).transpose()?;
-        Ok(Self { format, laz: laz.map(Arc::new) })
+    pub(super) fn new(format: PointFormat, extra_bytes: u16, packing: Packing) -> Result<Self> {
+        let laz = match packing {
+            Packing::Plain | Packing::Text => None,
+            Packing::Chunks => Some(vlr(format, extra_bytes, CHUNK as u32)?),
+            Packing::Nodes => Some(vlr(format, extra_bytes, u32::MAX)?),
+        };
+        let size = format.size() + usize::from(extra_bytes);
+        Ok(Self { format, size, packing, laz: laz.map(Arc::new) })
     }
 
-    pub(super) fn is_compressed(&self) -> bool {
-        self.laz.is_some()
+    /// Bytes of a record.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    pub(super) fn packing(&self) -> Packing {
+        self.packing
     }
 
     /// The record that tells how points are compressed.
@@ -63,19 +111,36 @@ impl Layout {
     /// # Panics
     /// With more points than that.
     pub fn chunk(&self, records: &[Record]) -> Result<Chunk> {
-        assert!(records.len() <= CHUNK, "{} points are too many for a chunk", records.len());
+        self.pack(self.records(records))
+    }
+
+    /// Points as they stand in an uncompressed file, without extra bytes.
+    pub fn records(&self, records: &[Record]) -> Vec<u8> {
         let mut raw = Vec::new();
         self.format.encode(records, &mut raw);
-        let tally = Tally::of(records);
-        let Some(vlr) = &self.laz else { return Ok(Chunk { bytes: raw, tally }) };
-        let bytes = compress(&raw, vlr).map_err(|e| fault(&e))?;
+        raw
+    }
+
+    /// Makes a chunk of records as they stand in an uncompressed file: a pure function of them.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Internal`] when the compressor fails, which it has no reason to.
+    ///
+    /// # Panics
+    /// With more than [`CHUNK`] records, where chunks have a fixed number.
+    pub fn pack(&self, records: Vec<u8>) -> Result<Chunk> {
+        let tally = Tally::of(&records, self.size, self.format.is_new());
+        let fits = self.packing == Packing::Nodes || tally.count() <= CHUNK as u64;
+        assert!(fits, "{} points are too many for a chunk", tally.count());
+        let Some(vlr) = &self.laz else { return Ok(Chunk { bytes: records, tally }) };
+        let bytes = compress(&records, vlr).map_err(|e| fault(&e))?;
         Ok(Chunk { bytes, tally })
     }
 }
 
-fn vlr(format: PointFormat) -> Result<LazVlr> {
-    let builder = LazVlrBuilder::default().with_fixed_chunk_size(CHUNK as u32);
-    let builder = builder.with_point_format(format.number(), 0).map_err(|e| fault(&e))?;
+fn vlr(format: PointFormat, extra_bytes: u16, chunk: u32) -> Result<LazVlr> {
+    let builder = LazVlrBuilder::default().with_fixed_chunk_size(chunk);
+    let builder = builder.with_point_format(format.number(), extra_bytes).map_err(|e| fault(&e))?;
     Ok(builder.build())
 }
 
@@ -100,21 +165,28 @@ fn compress(raw: &[u8], vlr: &LazVlr) -> laz::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The table of chunks of a LAZ file: version, number, and their sizes, coded arithmetically as
-/// differences.
-pub(super) fn table(sizes: &[u32]) -> io::Result<Vec<u8>> {
-    /// Model of sizes; the other one is for numbers of points, which chunks of one number need not.
-    const SIZES: u32 = 1;
-    let mut table = [0_u32.to_le_bytes(), (sizes.len() as u32).to_le_bytes()].concat();
-    if sizes.is_empty() {
+/// Points and bytes of a chunk.
+pub(super) type Entry = [u32; 2];
+
+/// The table of chunks of a LAZ file: version, number, and their sizes, coded arithmetically as differences; with
+/// their points, where these are not the same for all.
+pub(super) fn table(entries: &[Entry], packing: Packing) -> io::Result<Vec<u8>> {
+    /// Models of numbers of points and of sizes.
+    const MODELS: [u32; 2] = [0, 1];
+    let mut table = [0_u32.to_le_bytes(), (entries.len() as u32).to_le_bytes()].concat();
+    if entries.is_empty() {
         return Ok(table);
     }
     let mut encoder = ArithmeticEncoder::new(&mut table);
     let mut compressor = IntegerCompressorBuilder::new().bits(32).contexts(2).build_initialized();
-    let mut last = 0;
-    for size in sizes.iter().map(|size| *size as i32) {
-        compressor.compress(&mut encoder, last, size, SIZES)?;
-        last = size;
+    let first = if packing == Packing::Nodes { 0 } else { 1 };
+    let mut last = [0; 2];
+    for entry in entries {
+        for field in first..2 {
+            let value = entry[field] as i32;
+            compressor.compress(&mut encoder, last[field], value, MODELS[field])?;
+            last[field] = value;
+        }
     }
     encoder.done()?;
     Ok(table)

@@ -1,6 +1,6 @@
 //! What a file says of its coordinate reference system.
 
-use super::header::Vlr;
+use super::Vlr;
 use terrane_base::geom::Crs;
 
 const USER: &str = "LASF_Projection";
@@ -24,7 +24,7 @@ pub(super) fn records(crs: &Crs, is_new: bool) -> Vec<Vlr> {
     match crs.to_wkt().filter(|_| is_new || keys.is_empty()) {
         Some(text) => {
             let data = [text.as_bytes(), &[0]].concat();
-            vec![Vlr { user: USER, number: WKT_RECORD, about: "OGC WKT", data }]
+            vec![Vlr { user: USER.into(), number: WKT_RECORD, about: "OGC WKT".into(), data }]
         }
         None => keys,
     }
@@ -48,7 +48,13 @@ fn keys(crs: &Crs) -> Vec<Vlr> {
         (34_737, "GeoAsciiParamsTag", ascii),
     ];
     let present = parts.into_iter().filter(|(_, _, data)| !data.is_empty());
-    present.map(|(number, about, data)| Vlr { user: USER, number, about, data }).collect()
+    let vlr = |(number, about, data): (u16, &str, Vec<u8>)| Vlr {
+        user: USER.into(),
+        number,
+        about: about.into(),
+        data,
+    };
+    present.map(vlr).collect()
 }
 
 fn made(crs: &Crs) -> Vec<u16> {

@@ -1,44 +1,40 @@
-//! The header of LAS 1.2 and 1.4 and the records after it.
+//! The header of LAS 1.2, 1.3 and 1.4, and the records after it.
 
 use super::tally::{RETURNS, Tally};
-use super::{Layout, PointFormat, WriteOptions, crs};
+use super::{Layout, Packing, Vlr, WriteOptions, crs, octree};
+use crate::format::PointFormat;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
 
-/// Bytes of the header itself.
-const OLD: u16 = 227;
-const NEW: u16 = 375;
-/// Bits of the global encoding: times are adjusted standard GPS times; the CRS is well-known text.
-const STANDARD_TIME: u16 = 1;
+/// Bytes of the header itself, by version.
+const SIZES: [u16; 3] = [227, 235, 375];
+/// Bit of the global encoding: the CRS is well-known text.
 const WKT: u16 = 16;
 /// Bit of the point format that says that points are compressed.
 const COMPRESSED: u8 = 128;
-
-/// A variable length record.
-pub(super) struct Vlr {
-    pub(super) user: &'static str,
-    pub(super) number: u16,
-    pub(super) about: &'static str,
-    pub(super) data: Vec<u8>,
-}
+/// Most bytes of a record before the points.
+const MOST_BYTES: usize = u16::MAX as usize;
 
 impl Vlr {
-    fn append(&self, bytes: &mut Vec<u8>) -> Result<()> {
-        let length = u16::try_from(self.data.len());
-        let length = length.map_err(|_| too_long(self.about, self.data.len()))?;
-        bytes.extend_from_slice(&[0; 2]);
-        bytes.extend_from_slice(&text::<16>(self.user));
-        bytes.extend_from_slice(&self.number.to_le_bytes());
-        bytes.extend_from_slice(&length.to_le_bytes());
-        bytes.extend_from_slice(&text::<32>(self.about));
-        bytes.extend_from_slice(&self.data);
-        Ok(())
+    /// For people.
+    pub(crate) fn name(&self) -> String {
+        format!("{} {}", self.user, self.number)
     }
-}
 
-fn too_long(what: &str, length: usize) -> Error {
-    let message = format!("the {what} takes {length} bytes, and a record holds 65535");
-    Error::new(ErrorKind::CannotWrite, message)
+    /// Appends it as it stands before the points, or behind them.
+    pub(super) fn append(&self, is_behind: bool, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(&[0; 2]);
+        bytes.extend_from_slice(&text::<16>(&self.user));
+        bytes.extend_from_slice(&self.number.to_le_bytes());
+        let length = (self.data.len() as u64).to_le_bytes();
+        bytes.extend_from_slice(if is_behind { &length } else { &length[..2] });
+        bytes.extend_from_slice(&text::<32>(&self.about));
+        bytes.extend_from_slice(&self.data);
+    }
+
+    fn is_long(&self) -> bool {
+        self.data.len() > MOST_BYTES
+    }
 }
 
 /// Text padded with zeros, cut where it is too long.
@@ -53,41 +49,73 @@ fn text<const N: usize>(text: &str) -> [u8; N] {
 /// All of the header that is known from the start.
 pub(super) struct Header {
     format: PointFormat,
+    size: usize,
     is_compressed: bool,
     frame: Frame,
     encoding: u16,
+    source: u16,
+    system: String,
     vlrs: Vec<u8>,
     /// How many records `vlrs` holds.
     records: u32,
+    /// Records that are too long to stand before the points.
+    pub(super) behind: Vec<Vlr>,
+    /// Where records begin behind the points.
+    pub(super) behind_at: u64,
 }
 
 impl Header {
     pub(super) fn new(options: &WriteOptions, layout: &Layout) -> Result<Self> {
-        let format = layout.format();
-        let mut all = crs::records(&options.crs, format.is_new());
-        let is_wkt = all.iter().any(|vlr| vlr.number == crs::WKT_RECORD);
-        if let Some(laz) = layout.vlr() {
-            let mut data = Vec::new();
-            let fault =
-                |e| Error::new(ErrorKind::Internal, format!("no record of compression: {e}"));
-            laz.write_to(&mut data).map_err(fault)?;
-            let (user, number) = (laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID);
-            all.push(Vlr { user, number, about: laz::LazVlr::DESCRIPTION, data });
+        let (format, carried) = (layout.format(), &options.carried);
+        let systems = crs::records(&options.crs, format.is_new());
+        let is_wkt = systems.iter().any(|vlr| vlr.number == crs::WKT_RECORD);
+        // Readers look for it at the first place.
+        let info = options.cube.as_ref().map(|cube| octree::info(cube, &Tally::default(), (0, 0)));
+        let all =
+            info.into_iter().chain(systems).chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
+        let (behind, before): (Vec<_>, Vec<_>) = all.partition(Vlr::is_long);
+        if let Some(vlr) = behind.first().filter(|_| !format.is_new()) {
+            return Err(too_long(vlr));
         }
         let mut vlrs = Vec::new();
-        all.iter().try_for_each(|vlr| vlr.append(&mut vlrs))?;
+        before.iter().for_each(|vlr| vlr.append(false, &mut vlrs));
+        let system = match carried.system.as_str() {
+            "" => "OTHER".to_owned(),
+            named => named.to_owned(),
+        };
         Ok(Self {
             format,
-            is_compressed: layout.is_compressed(),
+            size: layout.size(),
+            is_compressed: layout.packing() != Packing::Plain,
             frame: options.frame,
-            encoding: STANDARD_TIME | if is_wkt { WKT } else { 0 },
+            encoding: carried.encoding | if is_wkt { WKT } else { 0 },
+            source: carried.source,
+            system,
             vlrs,
-            records: all.len() as u32,
+            records: before.len() as u32,
+            behind,
+            behind_at: 0,
         })
     }
 
+    /// Puts the record of an octree in its place, which is the first.
+    pub(super) fn set_info(&mut self, info: &Vlr) {
+        let mut bytes = Vec::new();
+        info.append(false, &mut bytes);
+        self.vlrs[..bytes.len()].copy_from_slice(&bytes);
+    }
+
+    /// The last part of its version.
+    fn version(&self) -> u8 {
+        match self.format.number() {
+            0..=3 => 2,
+            4..=5 => 3,
+            _ => 4,
+        }
+    }
+
     fn own_size(&self) -> u16 {
-        if self.format.is_new() { NEW } else { OLD }
+        SIZES[usize::from(self.version() - 2)]
     }
 
     /// Bytes of the header and its records: where points begin.
@@ -100,35 +128,37 @@ impl Header {
         if self.format.is_new() || tally.count() <= u64::from(u32::MAX) {
             return Ok(());
         }
-        let message = format!("LAS 1.2 cannot count {} points", tally.count());
+        let message = format!("LAS 1.{} cannot count {} points", self.version(), tally.count());
         Err(Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8"))
     }
 
     /// The header with its records. The day it was made is left open, so that equal points are equal
     /// files.
-    pub(super) fn bytes(&self, tally: &Tally) -> Result<Vec<u8>> {
-        let (is_new, format) = (self.format.is_new(), self.format);
+    pub(super) fn bytes(&self, tally: &Tally) -> Vec<u8> {
+        let format = self.format;
         let mut bytes = b"LASF".to_vec();
-        bytes.extend_from_slice(&[0, 0]);
+        bytes.extend_from_slice(&self.source.to_le_bytes());
         bytes.extend_from_slice(&self.encoding.to_le_bytes());
         bytes.extend_from_slice(&[0; 16]);
-        bytes.extend_from_slice(&[1, if is_new { 4 } else { 2 }]);
-        bytes.extend_from_slice(&text::<32>("OTHER"));
+        bytes.extend_from_slice(&[1, self.version()]);
+        bytes.extend_from_slice(&text::<32>(&self.system));
         bytes.extend_from_slice(&text::<32>(concat!("terrane ", env!("CARGO_PKG_VERSION"))));
         bytes.extend_from_slice(&[0; 4]);
         bytes.extend_from_slice(&self.own_size().to_le_bytes());
         bytes.extend_from_slice(&(self.length() as u32).to_le_bytes());
         bytes.extend_from_slice(&self.records.to_le_bytes());
         bytes.push(format.number() | if self.is_compressed { COMPRESSED } else { 0 });
-        bytes.extend_from_slice(&(format.size() as u16).to_le_bytes());
+        bytes.extend_from_slice(&(self.size as u16).to_le_bytes());
         self.old_counts(tally, &mut bytes);
         self.extent(tally, &mut bytes);
-        if is_new {
-            new_counts(tally, &mut bytes);
+        // Waveforms are not in the file.
+        bytes.resize(bytes.len() + if self.version() > 2 { 8 } else { 0 }, 0);
+        if format.is_new() {
+            self.new_counts(tally, &mut bytes);
         }
         debug_assert_eq!(bytes.len(), usize::from(self.own_size()));
         bytes.extend_from_slice(&self.vlrs);
-        Ok(bytes)
+        bytes
     }
 
     /// The counts of 32 bits: zero in files with the new formats.
@@ -149,12 +179,31 @@ impl Header {
         let all = scale.into_iter().chain(offset).chain((0..3).flat_map(ends));
         bytes.extend(all.flat_map(f64::to_le_bytes));
     }
+
+    /// Records behind the points, and the counts of 64 bits.
+    fn new_counts(&self, tally: &Tally, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(&self.behind_at.to_le_bytes());
+        bytes.extend_from_slice(&(self.behind.len() as u32).to_le_bytes());
+        bytes.extend_from_slice(&tally.count().to_le_bytes());
+        let returns: [u64; RETURNS] = tally.returns;
+        bytes.extend(returns.iter().flat_map(|count| count.to_le_bytes()));
+    }
 }
 
-/// Waveforms and extended records, of which there are none, and the counts of 64 bits.
-fn new_counts(tally: &Tally, bytes: &mut Vec<u8>) {
-    bytes.extend_from_slice(&[0; 8 + 8 + 4]);
-    bytes.extend_from_slice(&tally.count().to_le_bytes());
-    let returns: [u64; RETURNS] = tally.returns;
-    bytes.extend(returns.iter().flat_map(|count| count.to_le_bytes()));
+fn too_long(vlr: &Vlr) -> Error {
+    let (name, length) = (vlr.name(), vlr.data.len());
+    let message = format!(
+        "the record {name} takes {length} bytes, and one of this version holds {MOST_BYTES}"
+    );
+    Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8")
+}
+
+/// The record that tells how points are compressed.
+fn laz(layout: &Layout) -> Result<Option<Vlr>> {
+    let Some(laz) = layout.vlr() else { return Ok(None) };
+    let mut data = Vec::new();
+    let fault = |e| Error::new(ErrorKind::Internal, format!("no record of compression: {e}"));
+    laz.write_to(&mut data).map_err(fault)?;
+    let (user, number) = (laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID);
+    Ok(Some(Vlr { user: user.into(), number, about: laz::LazVlr::DESCRIPTION.into(), data }))
 }

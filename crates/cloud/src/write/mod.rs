@@ -1,22 +1,30 @@
-//! Writing LAS and LAZ: streamed in chunks of points, whole or not at all.
+//! Writing LAS, LAZ and COPC: streamed in chunks of points, whole or not at all.
 //!
-//! A writer gives a [`Layout`]; any thread turns [`CHUNK`] points into a [`Chunk`] with it, and the
-//! chunks are appended in order. The header, which comes first and counts everything, is written last.
+//! A writer gives a [`Layout`]; any thread turns points into a [`Chunk`] with it, and the chunks are appended in
+//! order. The header, which comes first and counts everything, is written last.
 //! The bytes depend on the points alone: the header bears no date.
 
 mod chunk;
 mod crs;
 mod header;
+mod octree;
 mod record;
 mod tally;
+mod text;
 
-pub use chunk::{CHUNK, Chunk, Layout};
-pub use record::{PointFormat, Record};
+pub use chunk::{CHUNK, Chunk, Layout, Packing};
+pub use octree::{Cube, Key};
+pub(crate) use record::ANGLES;
+pub use record::Record;
+pub use text::Lines;
+pub(crate) use text::{Column, Value};
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
+pub use crate::format::PointFormat;
 use header::Header;
+use octree::Nodes;
 use tally::Tally;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame};
@@ -27,15 +35,62 @@ use terrane_files::atomic::AtomicFile;
 pub struct WriteOptions {
     /// Format of its points; the version of LAS follows from it.
     pub format: PointFormat,
-    /// True for LAZ.
-    pub compress: bool,
+    /// Whether and how they are compressed.
+    pub packing: Packing,
+    /// Where nodes lie, of files that have them.
+    pub cube: Option<Cube>,
     /// Where the points lie: scale and offset of the header.
     pub frame: Frame,
     /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
     /// before it.
     pub crs: Crs,
+    /// What is taken over from other files.
+    pub carried: Carried,
     /// Replace an existing file.
     pub overwrite: bool,
+}
+
+/// What a file takes over from those that its points come from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Carried {
+    /// Bits of the global encoding, but for that of well-known text.
+    pub encoding: u16,
+    /// Number of the file or flight line.
+    pub source: u16,
+    /// What measured it.
+    pub system: String,
+    /// Bytes of each record behind the fields of its format.
+    pub extra_bytes: u16,
+    /// Other records.
+    pub vlrs: Vec<Vlr>,
+}
+
+impl Default for Carried {
+    /// Nothing; times are adjusted standard GPS times.
+    fn default() -> Self {
+        Self { encoding: 1, source: 0, system: String::new(), extra_bytes: 0, vlrs: Vec::new() }
+    }
+}
+
+/// A variable length record: before the points, or behind them where it is too long for that.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Vlr {
+    /// Who defines it.
+    pub user: String,
+    /// Its number.
+    pub number: u16,
+    /// For people.
+    pub about: String,
+    /// What it holds.
+    pub data: Vec<u8>,
+}
+
+impl WriteOptions {
+    /// An uncompressed file with points of this format.
+    pub fn new(format: PointFormat, frame: Frame, crs: Crs) -> Self {
+        let (packing, carried) = (Packing::default(), Carried::default());
+        Self { format, packing, cube: None, frame, crs, carried, overwrite: false }
+    }
 }
 
 /// A LAS or LAZ file in the making; dropped before [`finish`](Self::finish), it leaves nothing.
@@ -44,39 +99,42 @@ pub struct CloudWriter {
     header: Header,
     layout: Layout,
     tally: Tally,
-    /// Bytes of the chunks of a LAZ file so far.
-    sizes: Vec<u32>,
+    /// The chunks of a LAZ file so far.
+    entries: Vec<chunk::Entry>,
+    /// What an octree has so far.
+    octree: Option<(Cube, Nodes)>,
     /// True once a chunk came that was not full: it was the last.
     is_ended: bool,
 }
 
-/// True when a file of this name is to be compressed; `None` for names of neither ending.
-///
-/// # Errors
-/// COPC, which is read but not written.
-pub fn compressed_by_name(path: &Path) -> Result<Option<bool>> {
+/// How a file of this name is packed; `None` for names of no known ending.
+pub fn packing_by_name(path: &Path) -> Option<Packing> {
     let name = path.to_string_lossy().to_lowercase();
-    if name.ends_with(".copc.laz") {
-        return Err(Error::unsupported("COPC is read but not written")
-            .in_file(path)
-            .remedy("choose a name that ends in .laz only"));
-    }
-    Ok([(".las", false), (".laz", true)].into_iter().find(|(e, _)| name.ends_with(e)).map(|e| e.1))
+    let known = [
+        (".copc.laz", Packing::Nodes),
+        (".laz", Packing::Chunks),
+        (".las", Packing::Plain),
+        (".csv", Packing::Text),
+        (".txt", Packing::Text),
+        (".xyz", Packing::Text),
+    ];
+    known.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, packing)| packing)
 }
 
 impl CloudWriter {
     /// Starts a file.
     ///
     /// # Errors
-    /// An output that exists already or cannot be created; a CRS too long for the file.
+    /// An output that exists already or cannot be created; records too long for the version.
     pub fn create(path: &Path, options: &WriteOptions) -> Result<Self> {
-        let layout = Layout::new(options.format, options.compress)?;
+        let layout = Layout::new(options.format, options.carried.extra_bytes, options.packing)?;
         let header = Header::new(options, &layout).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, options.overwrite)?;
-        let tally = Tally::default();
-        let mut writer = Self { file, header, layout, tally, sizes: Vec::new(), is_ended: false };
-        writer.write(&writer.header.bytes(&Tally::default())?)?;
-        if options.compress {
+        let (tally, entries) = (Tally::default(), Vec::new());
+        let octree = options.cube.map(|cube| (cube, Nodes::default()));
+        let mut writer = Self { file, header, layout, tally, entries, octree, is_ended: false };
+        writer.write(&writer.header.bytes(&Tally::default()))?;
+        if options.packing != Packing::Plain {
             // Where the table of chunks lies is known at the end.
             writer.write(&(-1_i64).to_le_bytes())?;
         }
@@ -93,7 +151,7 @@ impl CloudWriter {
         self.tally.count()
     }
 
-    /// Appends a chunk. Each but the last must hold [`CHUNK`] points.
+    /// Appends a chunk. Each but the last must hold [`CHUNK`] points, unless chunks are nodes.
     ///
     /// # Errors
     /// More points than the format counts; a disk that is full.
@@ -105,13 +163,25 @@ impl CloudWriter {
             return Ok(());
         }
         assert!(!self.is_ended, "a chunk that is not full must be the last");
-        self.is_ended = chunk.points() < CHUNK;
+        self.is_ended = self.layout.packing() != Packing::Nodes && chunk.points() < CHUNK;
         self.tally.add(&chunk.tally);
         self.header.check(&self.tally).map_err(|e| e.in_file(self.file.path()))?;
-        if self.layout.is_compressed() {
-            self.sizes.push(chunk.bytes.len() as u32);
+        if self.layout.packing() != Packing::Plain {
+            self.entries.push([chunk.points() as u32, chunk.bytes.len() as u32]);
         }
         self.write(&chunk.bytes)
+    }
+
+    /// Appends the points of a node of an octree.
+    ///
+    /// # Errors
+    /// As [`append`](Self::append).
+    pub fn append_node(&mut self, key: Key, chunk: &Chunk) -> Result<()> {
+        let at = self.seek(SeekFrom::End(0))?;
+        if let Some((_, nodes)) = &mut self.octree {
+            nodes.push(key, [at, chunk.bytes.len() as u64, chunk.points() as u64]);
+        }
+        self.append(chunk)
     }
 
     /// Ends the file and lets it appear; returns its size in bytes.
@@ -119,21 +189,40 @@ impl CloudWriter {
     /// # Errors
     /// A disk that is full.
     pub fn finish(mut self) -> Result<u64> {
-        if self.layout.is_compressed() {
+        if self.layout.packing() != Packing::Plain {
             self.end_chunks()?;
         }
+        if let Some((_, nodes)) = &self.octree {
+            self.header.behind.insert(0, nodes.hierarchy());
+        }
+        self.put_behind()?;
+        if let Some((cube, _)) = &self.octree {
+            let bytes = self.header.behind.first().map_or(0, |vlr| vlr.data.len() as u64);
+            self.header.set_info(&octree::info(cube, &self.tally, (self.header.behind_at, bytes)));
+        }
         self.seek(SeekFrom::Start(0))?;
-        self.write(&self.header.bytes(&self.tally)?)?;
+        self.write(&self.header.bytes(&self.tally))?;
         self.file.commit()
     }
 
     /// The table of chunks, and where it lies.
     fn end_chunks(&mut self) -> Result<()> {
         let at = self.seek(SeekFrom::End(0))?;
-        let table = chunk::table(&self.sizes).map_err(|e| Error::write(self.file.path(), e))?;
-        self.write(&table)?;
+        let table = chunk::table(&self.entries, self.layout.packing());
+        self.write(&table.map_err(|e| Error::write(self.file.path(), e))?)?;
         self.seek(SeekFrom::Start(self.header.length()))?;
         self.write(&at.to_le_bytes())
+    }
+
+    /// The records behind the points.
+    fn put_behind(&mut self) -> Result<()> {
+        if self.header.behind.is_empty() {
+            return Ok(());
+        }
+        self.header.behind_at = self.seek(SeekFrom::End(0))?;
+        let mut bytes = Vec::new();
+        self.header.behind.iter().for_each(|vlr| vlr.append(true, &mut bytes));
+        self.write(&bytes)
     }
 
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {

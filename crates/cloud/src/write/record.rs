@@ -1,7 +1,8 @@
-//! Points with all their fields, and how a point format stores them.
+//! Points with their fields, as a point format stores them.
 
-use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
+
+use crate::format::PointFormat;
 
 /// A point with what its record tells. Fields that a format does not have are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,94 +32,42 @@ pub struct Record {
     pub user: u8,
     /// The file or flight line it came from.
     pub source: u16,
-    /// Red, green, blue; formats 2, 3, 7, 8.
+    /// Red, green, blue; formats 2, 3, 5, 7, 8, 10.
     pub colour: [u16; 3],
-    /// Near infrared; format 8.
+    /// Near infrared; formats 8 and 10.
     pub infrared: u16,
 }
 
-/// A point format of LAS that can be written: 0 to 3 (LAS 1.2) and 6 to 8 (LAS 1.4).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PointFormat(u8);
-
-impl Default for PointFormat {
-    fn default() -> Self {
-        Self(6)
-    }
-}
-
-/// Size of the fields that all formats have, before 6 and from 6 on.
-const OLD: usize = 20;
-const NEW: usize = 30;
-/// Steps of 0.006 degrees in a degree.
-const ANGLES: f32 = 0.006;
+/// Degrees of a step of scan angles.
+pub(crate) const ANGLES: f32 = 0.006;
 
 impl PointFormat {
-    /// The formats there are.
-    pub const ALL: [u8; 7] = [0, 1, 2, 3, 6, 7, 8];
-
-    /// The format of this number.
-    ///
-    /// # Errors
-    /// One that is not written.
-    pub fn new(number: u8) -> Result<Self> {
-        if Self::ALL.contains(&number) {
-            return Ok(Self(number));
-        }
-        Err(Error::usage(format!("point format {number} is not written"))
-            .remedy("choose 0, 1, 2, 3, 6, 7 or 8"))
-    }
-
-    /// Its number.
-    pub fn number(self) -> u8 {
-        self.0
-    }
-
-    /// True for the formats of LAS 1.4.
-    pub fn is_new(self) -> bool {
-        self.0 >= 6
-    }
-
-    fn has_time(self) -> bool {
-        matches!(self.0, 1 | 3)
-    }
-
-    fn has_colour(self) -> bool {
-        matches!(self.0, 2 | 3 | 7 | 8)
-    }
-
-    /// Bytes of a record.
-    pub fn size(self) -> usize {
-        let base = if self.is_new() { NEW } else { OLD };
-        let time = if self.has_time() { 8 } else { 0 };
-        let colour = if self.has_colour() { 6 } else { 0 };
-        base + time + colour + if self.0 == 8 { 2 } else { 0 }
-    }
-
-    /// Appends the records as they are stored.
+    /// Appends the records as they are stored, without waves.
     pub(super) fn encode(self, records: &[Record], bytes: &mut Vec<u8>) {
         bytes.reserve(records.len() * self.size());
         for record in records {
-            let common = common(record);
+            let (first, common) = (bytes.len(), common(record));
             if self.is_new() {
                 bytes.extend_from_slice(&new(common, record));
             } else {
                 bytes.extend_from_slice(&old(common, record));
             }
             self.encode_more(record, bytes);
+            bytes.resize(first + self.size(), 0);
         }
     }
 
     /// The fields that only some formats have.
     #[inline(always)]
     fn encode_more(self, record: &Record, bytes: &mut Vec<u8>) {
-        if self.has_time() {
+        let places = self.places();
+        if places.time.is_some() && !self.is_new() {
             bytes.extend_from_slice(&record.time.to_le_bytes());
         }
-        if self.has_colour() {
+        if places.colour.is_some() {
             bytes.extend(record.colour.iter().flat_map(|c| c.to_le_bytes()));
         }
-        if self.0 == 8 {
+        if places.infrared.is_some() {
             bytes.extend_from_slice(&record.infrared.to_le_bytes());
         }
     }
@@ -136,8 +85,8 @@ fn common(record: &Record) -> [u8; 14] {
 }
 
 #[inline(always)]
-fn new(common: [u8; 14], record: &Record) -> [u8; NEW] {
-    let mut bytes = [0; NEW];
+fn new(common: [u8; 14], record: &Record) -> [u8; PointFormat::NEW] {
+    let mut bytes = [0; PointFormat::NEW];
     bytes[..14].copy_from_slice(&common);
     bytes[14] = record.number.min(15) | record.returns.min(15) << 4;
     bytes[15] = record.flags & 15 | u8::from(record.forward) << 6 | u8::from(record.edge) << 7;
@@ -150,9 +99,9 @@ fn new(common: [u8; 14], record: &Record) -> [u8; NEW] {
 }
 
 #[inline(always)]
-fn old(common: [u8; 14], record: &Record) -> [u8; OLD] {
+fn old(common: [u8; 14], record: &Record) -> [u8; PointFormat::OLD] {
     let class = if record.class < 32 { record.class } else { 1 };
-    let mut bytes = [0; OLD];
+    let mut bytes = [0; PointFormat::OLD];
     bytes[..14].copy_from_slice(&common);
     bytes[14] = record.number.min(7)
         | record.returns.min(7) << 3

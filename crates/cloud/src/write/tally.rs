@@ -1,6 +1,6 @@
 //! What a header tells of all points.
 
-use super::Record;
+use crate::format::{PointFormat, TIME};
 
 /// Returns that a header counts one by one.
 pub(super) const RETURNS: usize = 15;
@@ -13,29 +13,55 @@ pub(super) struct Tally {
     /// Points by number of return, from 1; those beyond 15 or of none count as nothing here.
     pub(super) returns: [u64; RETURNS],
     count: u64,
+    /// Least and largest time, of new formats.
+    times: [f64; 2],
 }
 
 impl Default for Tally {
     fn default() -> Self {
-        Self { low: [i32::MAX; 3], high: [i32::MIN; 3], returns: [0; RETURNS], count: 0 }
+        Self {
+            low: [i32::MAX; 3],
+            high: [i32::MIN; 3],
+            returns: [0; RETURNS],
+            count: 0,
+            times: [f64::INFINITY, f64::NEG_INFINITY],
+        }
     }
 }
 
 impl Tally {
-    pub(super) fn of(records: &[Record]) -> Self {
+    /// Of records of so many bytes, of a new format or an old one.
+    pub(super) fn of(records: &[u8], size: usize, is_new: bool) -> Self {
         let mut tally = Self::default();
-        for record in records {
-            let at = [record.point.x, record.point.y, record.point.z];
-            for (axis, step) in at.into_iter().enumerate() {
+        let mask = if is_new { 15 } else { 7 };
+        for record in records.chunks_exact(size) {
+            let (fours, _) = record.as_chunks::<4>();
+            for (axis, four) in fours.iter().take(3).enumerate() {
+                let step = i32::from_le_bytes(*four);
                 tally.low[axis] = tally.low[axis].min(step);
                 tally.high[axis] = tally.high[axis].max(step);
             }
-            if let Some(count) = tally.returns.get_mut(usize::from(record.number).wrapping_sub(1)) {
+            if is_new {
+                tally.time(record);
+            }
+            let number = usize::from(record[14] & mask);
+            if let Some(count) = tally.returns.get_mut(number.wrapping_sub(1)) {
                 *count += 1;
             }
         }
-        tally.count = records.len() as u64;
+        tally.count = (records.len() / size) as u64;
         tally
+    }
+
+    fn time(&mut self, record: &[u8]) {
+        let time =
+            record[PointFormat::NEW - TIME..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
+        self.times = [self.times[0].min(time), self.times[1].max(time)];
+    }
+
+    /// Least and largest time; zeros where there is none.
+    pub(super) fn times(&self) -> [f64; 2] {
+        if self.times[0] <= self.times[1] { self.times } else { [0.0; 2] }
     }
 
     pub(super) fn add(&mut self, other: &Self) {
@@ -47,6 +73,7 @@ impl Tally {
             *count += more;
         }
         self.count += other.count;
+        self.times = [self.times[0].min(other.times[0]), self.times[1].max(other.times[1])];
     }
 
     pub(super) fn count(&self) -> u64 {

@@ -23,6 +23,7 @@ use crate::plan::as_text;
 use crate::{Cancel, Progress, Resources};
 pub use extent::{Compat, Placement};
 use make::Maker;
+pub(crate) use preset::GROUND;
 pub use preset::{GroundFrom, Preset};
 pub use report::{BandReport, GridReport, GridStage};
 use terrane_base::error::{Error, Result};

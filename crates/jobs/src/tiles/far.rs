@@ -14,14 +14,16 @@ const MOST_ROUNDS: u32 = 32;
 impl Ground<'_> {
     /// Makes a tile of a far level, of each set; `known` has all tiles there are.
     pub(super) fn far(&self, id: TileId, known: &Known, cancel: &Cancel) -> Result<Vec<Made>> {
-        self.of_level(id).enumerate().map(|of| self.far_of(of, id, known, cancel)).collect()
+        let water = self.opened.mask.as_ref().map(|mask| mask.pixels(id));
+        let beside = (known, water.as_deref());
+        self.of_level(id).enumerate().map(|of| self.far_of(of, id, beside, cancel)).collect()
     }
 
     fn far_of(
         &self,
         (set, level): (usize, &Level),
         id: TileId,
-        known: &Known,
+        beside: (&Known, Option<&[u8]>),
         cancel: &Cancel,
     ) -> Result<Made> {
         let bounds = id.bounds();
@@ -33,7 +35,7 @@ impl Ground<'_> {
             let (measure, beyond) = shell.end();
             if beyond.is_empty() {
                 let tile = builder.finish(measure);
-                return Made::new((set, &tile), self.opened, level, self.overview, known);
+                return Made::new((set, &tile), self.opened, level, self.overview, beside);
             }
             builder.insert(&beyond);
         }

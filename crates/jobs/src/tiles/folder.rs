@@ -18,7 +18,7 @@ use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_files::lock;
-use terrane_tiles::{Facts, Form, Level, Tile, TileId, glb, level_error, quantized_mesh};
+use terrane_tiles::{Extras, Facts, Form, Level, Tile, TileId, glb, level_error, quantized_mesh};
 
 /// The name of what says what there is.
 const LAYER: &str = "layer.json";
@@ -60,24 +60,25 @@ impl Made {
         Self { set: None, id, largest, vertices, triangles, facts, bytes }
     }
 
-    /// Of a tile of a set; `known` has all tiles that it has to tell of.
+    /// Of a tile of a set; `known` has all tiles that it has to tell of, and `water` is its mask.
     pub(super) fn new(
         (set, tile): (usize, &Tile),
         opened: &Opened,
         level: &Level,
         ground: &impl terrane_tiles::Ground,
-        known: &Known,
+        (known, water): (&Known, Option<&[u8]>),
     ) -> Result<Self> {
         let job = &opened.job;
         let normals = job.normals.then_some((level, ground));
         let (bytes, facts) = match job.formats[set] {
             Format::QuantizedMesh => {
                 let below = below(tile.id, opened.division.last, known);
-                (quantized_mesh(tile, normals, below.as_deref())?, None)
+                let extras = Extras { available: below.as_deref(), water };
+                (quantized_mesh(tile, normals, extras)?, None)
             }
             Format::ThreeTiles => {
-                let (bytes, facts) =
-                    glb(tile, normals, Form { edges: job.tile_edges, meshopt: job.meshopt })?;
+                let (edges, meshopt, skirt) = (job.tile_edges, job.meshopt, level.skirt);
+                let (bytes, facts) = glb(tile, normals, Form { edges, meshopt, skirt })?;
                 (bytes, Some(facts))
             }
         };
@@ -240,6 +241,7 @@ fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
             tolerance: level_error(*level),
             step: of_level.step,
             lattice: of_level.lattice,
+            skirt: (of_level.skirt > 0).then(|| of_level.skirt_depth()),
             error: row.largest,
             tiles: held.known.level(*level).count(),
             vertices: row.vertices,
@@ -287,10 +289,10 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
         json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
     });
     let levels: Vec<Value> = levels.collect();
-    let mut extensions = vec!["metadata"];
-    if job.normals {
-        extensions.insert(0, "octvertexnormals");
-    }
+    let extensions =
+        [(job.normals, "octvertexnormals"), (job.water_mask, "watermask"), (true, "metadata")];
+    let extensions: Vec<&str> =
+        extensions.into_iter().filter(|(is, _)| *is).map(|(_, name)| name).collect();
     json!({
         "tilejson": "2.1.0",
         "name": "terrain",

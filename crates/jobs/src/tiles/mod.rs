@@ -12,11 +12,13 @@
 //! Whatever is made depends on the grid and the options alone: at once, or by a plan whose tasks look, make regions,
 //! and make what is above them. Files are put into a folder that appears whole.
 
+mod cloud;
 mod division;
 mod far;
 mod folder;
 mod format;
 mod glance;
+mod mask;
 mod near;
 mod object;
 mod place;
@@ -27,6 +29,7 @@ mod three;
 mod work;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -39,15 +42,17 @@ use crate::reading::Reading;
 use crate::sift::Skipped;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
+pub use cloud::{GroundModel, Kept, run_cloud};
 use division::Division;
 use folder::Folder;
 pub use format::{FORMATS, Format};
+use mask::Mask;
 use place::{Heights, Place};
 pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::refuse_held;
-use terrane_raster::{GridSource, Inputs, looks_like_nodata};
+use terrane_raster::{GridSource, Inputs, Water, looks_like_nodata};
 use terrane_tiles::{DEEPEST, Gathered, Level, Overview, TileId, deepest_for, in_shorts};
 use work::Tiles;
 
@@ -80,6 +85,12 @@ pub struct TilesJob {
     /// Compress what is in a tile of 3D Tiles (EXT_meshopt_compression).
     #[serde(default)]
     pub meshopt: bool,
+    /// Hang a skirt from the sides of each tile of 3D Tiles.
+    #[serde(default)]
+    pub skirts: bool,
+    /// Tell of each tile of quantized-mesh which pixels are water, of the polygons of `reading.water`.
+    #[serde(default)]
+    pub water_mask: bool,
     /// The deepest level; that of the grid's resolution when `None`.
     pub max_level: Option<u8>,
     /// Write a normal for each vertex.
@@ -103,6 +114,8 @@ impl TilesJob {
             formats: vec![Format::QuantizedMesh],
             tile_edges: false,
             meshopt: false,
+            skirts: false,
+            water_mask: false,
             max_level: None,
             normals: true,
             compress: true,
@@ -126,6 +139,8 @@ struct Opened {
     grid: Box<dyn GridSource>,
     shares: Shares,
     heights: Heights,
+    /// What is water, where tiles tell of it.
+    mask: Option<Mask>,
     division: Division,
     /// What is looked at first.
     look: terrane_tiles::Plan,
@@ -239,20 +254,22 @@ impl Opened {
         }
         check_formats(job)?;
         let options = job.reading.options(&job.resources, 0)?;
-        let (chart, heights) = place::of(
-            memory::look_at(&job.input, &options)?.info(),
-            (&job.input, job.geoid.as_deref()),
-            &job.resources,
-        )?;
+        let seen = memory::look_at(&job.input, &options)?;
+        let (input, resources) = ((&job.input, job.geoid.as_deref()), &job.resources);
+        let (chart, heights) = place::of(seen.info(), input, resources)?;
         let last = job.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
+        let water = options.water.as_ref().filter(|_| job.water_mask);
+        let mask = |water: &Arc<Water>| Mask::of(water, seen.info(), last, resources);
+        let mask = water.map(mask).transpose()?;
         let division = Division::new(Place::of(&chart), last);
         let look = glance::plan(chart, &division);
-        let (held, worker) =
-            (memory::with_slack(look.bytes() + heights.lift.bytes()), glance::worker_bytes(&look));
+        let [shared, each] = mask.as_ref().map_or([0; 2], |mask| mask.bytes(resources.threads));
+        let held = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
+        let worker = glance::worker_bytes(&look) + each;
         let (grid, shares) =
             memory::open_beside(held, &job.input, &options, &job.resources, worker)
                 .map_err(without_tile)?;
-        Ok(Self { job: job.clone(), grid, shares, heights, division, look })
+        Ok(Self { job: job.clone(), grid, shares, heights, mask, division, look })
     }
 
     /// Reads heights in metres.
@@ -312,8 +329,7 @@ fn without_tile(error: Error) -> Error {
 
 impl<'a> Ground<'a> {
     fn new(opened: &'a Opened, overview: &'a Overview) -> Result<Self> {
-        let meshopt = opened.job.meshopt;
-        let of_set = |format: &Format| levels((*format, meshopt), &opened.division, overview.range);
+        let of_set = |format: &Format| levels(*format, opened, overview.range);
         let levels = opened.job.formats.iter().map(of_set).collect::<Result<_>>()?;
         Ok(Self { opened, overview, levels })
     }
@@ -393,28 +409,41 @@ fn check_formats(job: &TilesJob) -> Result<()> {
     let options = [
         (job.tile_edges, "edges of tiles belong", "--tile-edges"),
         (job.meshopt, "compressed meshes belong", "--meshopt"),
+        (
+            job.skirts,
+            "clients of quantized-mesh hang skirts of their own from the sides that tiles list: those of tiles belong",
+            "--skirts",
+        ),
     ];
     let is_of_others = !job.formats.contains(&Format::ThreeTiles);
     if let Some((_, what, option)) = options.iter().find(|(is, ..)| *is && is_of_others) {
         return Err(Error::usage(format!("{what} to 3D Tiles"))
             .remedy(format!("pass --format 3dtiles, or leave out {option}")));
     }
+    if job.water_mask && !job.formats.contains(&Format::QuantizedMesh) {
+        return Err(Error::usage("masks of water belong to quantized-mesh: 3D Tiles have none")
+            .remedy("pass --format quantized-mesh, or leave out --water-mask"));
+    }
+    if job.water_mask && job.reading.water.is_none() {
+        return Err(Error::usage("a mask of water needs to be told what is water")
+            .remedy("pass --water FILE, or leave out --water-mask"));
+    }
     Ok(())
 }
 
-/// The levels of a set, whose tiles may be compressed.
-fn levels(
-    (format, meshopt): (Format, bool),
-    division: &Division,
-    range: [f64; 2],
-) -> Result<Vec<Level>> {
+/// The levels of a set, of heights in a range.
+fn levels(format: Format, opened: &Opened, range: [f64; 2]) -> Result<Vec<Level>> {
+    let Opened { job: TilesJob { meshopt, skirts, .. }, division, .. } = opened;
     let reach = range[0].abs().max(range[1].abs());
     let level = |level: u8| {
         let level = Level::new(level, division.place.spacing, reach)?;
         match format {
             Format::QuantizedMesh => Ok(level),
-            Format::ThreeTiles if meshopt => level.on_lattice(range).map(in_shorts),
-            Format::ThreeTiles => level.on_lattice(range),
+            Format::ThreeTiles => {
+                let level = if *skirts { level.with_skirts() } else { level };
+                let level = level.on_lattice(range)?;
+                Ok(if *meshopt { in_shorts(level) } else { level })
+            }
         }
     };
     (0..=division.last).map(level).collect()

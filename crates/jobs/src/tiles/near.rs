@@ -2,6 +2,7 @@
 
 use super::division::REGION;
 use super::folder::Made;
+use super::mask::Mask;
 use super::spans::Known;
 use super::{APRON, Ground};
 use crate::Cancel;
@@ -24,6 +25,8 @@ pub(super) fn worker_bytes(chart: &Chart) -> u64 {
 /// Where tiles go, and what was made of a region so far.
 struct Descent<'a> {
     patch: &'a Patch<'a>,
+    /// The water near the region.
+    water: Option<Mask>,
     known: Known,
     put: &'a mut dyn FnMut(Made) -> Result<()>,
     cancel: &'a Cancel,
@@ -53,7 +56,8 @@ impl Ground<'_> {
         opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
         let patch = Patch::new(&heights, rect, chart, fill).kept();
-        let mut descent = Descent { patch: &patch, known: Known::default(), put, cancel };
+        let water = opened.mask.as_ref().map(|mask| mask.near(id));
+        let mut descent = Descent { patch: &patch, water, known: Known::default(), put, cancel };
         match id.level <= opened.division.last {
             true => self.descend(id, &mut descent)?,
             // All tiles are larger, and only have to know of it.
@@ -86,9 +90,11 @@ impl Ground<'_> {
         if id.level < self.opened.division.last {
             id.children().into_iter().try_for_each(|child| self.descend(child, to))?;
         }
+        let water = to.water.as_ref().map(|water| water.pixels(id));
         for (set, level) in self.of_level(id).enumerate() {
             let tile = build(id, level, to.patch)?;
-            (to.put)(Made::new((set, &tile), self.opened, level, to.patch, &to.known)?)?;
+            let beside = (&to.known, water.as_deref());
+            (to.put)(Made::new((set, &tile), self.opened, level, to.patch, beside)?)?;
         }
         Ok(())
     }

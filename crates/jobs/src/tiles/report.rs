@@ -33,6 +33,9 @@ pub struct LevelReport {
     pub step: f64,
     /// Metres of a step of earth-centred coordinates, where tiles hold such.
     pub lattice: Option<f64>,
+    /// Metres that skirts hang down, where tiles have such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skirt: Option<f64>,
     /// Metres that no sample is further from its tile: measured of samples, or of blocks of them.
     pub error: f64,
     /// How many.

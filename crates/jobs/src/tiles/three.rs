@@ -96,8 +96,12 @@ pub(super) fn tileset(
     let told: Vec<Value> = levels
         .iter()
         .map(|l| {
-            json!({"level": l.level, "tolerance": l.tolerance, "step": l.step, "lattice": l.lattice,
-                   "error": l.error, "tiles": l.tiles})
+            let mut told = json!({"level": l.level, "tolerance": l.tolerance, "step": l.step,
+                                  "lattice": l.lattice, "error": l.error, "tiles": l.tiles});
+            if let Some(depth) = l.skirt {
+                told["skirt"] = json!(depth);
+            }
+            told
         })
         .collect();
     json!({

@@ -78,8 +78,9 @@ impl Tiles {
     pub(super) fn needs(&self, opened: &Opened) -> Result<Needs> {
         let samples = self.grid.samples() as f64;
         let [bytes, output] = probe::expect(opened)?;
-        let worker = glance::worker_bytes(&opened.look);
-        let held = with_slack(opened.look.bytes()) + worker;
+        let [shared, each] = opened.mask.as_ref().map_or([0; 2], |mask| mask.bytes(1));
+        let worker = glance::worker_bytes(&opened.look) + each;
+        let held = with_slack(opened.look.bytes() + shared) + worker;
         Ok(Needs {
             memory: memory::least(held, opened.grid.block_bytes()),
             thread_memory: worker,

@@ -42,12 +42,12 @@ impl About {
     }
 }
 
-/// Holds all of the triangles of a tile to be between the heights that are said of it: the heights of corners, of the
-/// middles of sides, and of the middle.
+/// Holds all of the triangles of a tile, and of its skirt, to be between the heights that are said of it: the heights of
+/// corners, of the middles of sides, and of the middle.
 pub fn between(id: TileId, about: &About, tile: &Tile, positions: &[Vector], faults: &mut Faults) {
     let [low, high] = about.heights;
-    let is_out = |corners: &&[u32; 3]| {
-        let [a, b, c] = corners.map(|corner| positions[corner as usize]);
+    let is_out = |[a, b, c]: &[Vector; 3]| {
+        let [a, b, c] = [*a, *b, *c];
         let middle = |of: &[Vector]| {
             let sum = of.iter().copied().fold([0.0; 3], plus);
             sum.map(|value| value / of.len() as f64)
@@ -57,7 +57,8 @@ pub fn between(id: TileId, about: &About, tile: &Tile, positions: &[Vector], fau
         let is_in = |place: Vector| (low - SLACK..=high + SLACK).contains(&height(place));
         !places.into_iter().all(is_in)
     };
-    let count = tile.triangles.iter().filter(is_out).count();
+    let of_surface = tile.triangles.iter().map(|of| of.map(|corner| positions[corner as usize]));
+    let count = of_surface.chain(tile.skirt.triangles.iter().copied()).filter(is_out).count();
     faults.add(Fault::Heights, count as u64, id);
 }
 

@@ -12,6 +12,7 @@ use super::decode::{LAST, Tile};
 use super::ellipsoid::{Meridian, Parallel, Vector, dot, length, minus, plus};
 use super::fault::Fault;
 use super::glb::{Attributes, Edges, File, Numbers, bad, refuse};
+use super::skirt::{Apart, Skirt};
 use super::tiling::{Side, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -27,6 +28,19 @@ const OF_STEP: f64 = 0.01;
 /// From y up to z up and no other turn, by columns, for positions in so many metres.
 fn upwards(metres: f64) -> [[f64; 4]; 3] {
     [[metres, 0.0, 0.0, 0.0], [0.0, 0.0, -metres, 0.0], [0.0, metres, 0.0, 0.0]]
+}
+
+/// What a set says of the tiles of a level.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Said {
+    /// Metres of a step of heights.
+    pub step: f64,
+    /// Metres of a step of coordinates.
+    pub lattice: f64,
+    /// Sides are listed.
+    pub has_edges: bool,
+    /// Metres that skirts hang down, where there are such.
+    pub skirt: Option<f64>,
 }
 
 /// A tile as it is stored.
@@ -101,12 +115,12 @@ impl Content {
         })
     }
 
-    /// The tile, of a level with these steps of heights and of coordinates; with `has_edges`, its sides are to be
-    /// listed.
+    /// The tile as a level says it is.
     ///
     /// # Errors
     /// Heights further apart than a tile may have.
-    pub fn tile(self, id: TileId, (step, lattice): (f64, f64), has_edges: bool) -> Result<Tile> {
+    pub fn tile(self, id: TileId, as_said: Said) -> Result<Tile> {
+        let Said { step, lattice, has_edges, skirt } = as_said;
         let at = |offset: &Vector| plus(self.centre, offset.map(|value| value * self.metres));
         let placed: Vec<Vector> = self.positions.iter().map(at).collect();
         let mut off_place = 0;
@@ -141,7 +155,13 @@ impl Content {
             vertices.ok_or_else(|| bad("has heights too far apart for its level".to_owned()))?;
         let turned = self.turned(id, &vertices);
         let lacks_edges = has_edges && self.sides.is_none();
+        let apart = skirt.map(|_| Apart::of(&found, &self.triangles));
+        let depth = skirt.map(|depth| depth / step);
+        let off_depth =
+            apart.iter().zip(depth).map(|(apart, depth)| apart.off_depth(&found, depth)).sum();
         let faults = vec![
+            (Fault::SkirtDepth, off_depth),
+            (Fault::SkirtTorn, apart.iter().map(Apart::torn).sum()),
             (Fault::OffPlace, off_place),
             (Fault::OffCoordinates, off_lattice),
             (Fault::Ends, u64::from(self.has_other_ends)),
@@ -149,12 +169,14 @@ impl Content {
             (Fault::NoEdges, u64::from(lacks_edges)),
             (Fault::WalkedOtherwise, self.walked_otherwise(&vertices)),
         ];
+        let is_rim =
+            |number: &u32| apart.as_ref().is_none_or(|apart| !apart.is_low[*number as usize]);
         let on_side = |side: Side| {
             let all = (0..).zip(&vertices).filter(|(_, vertex)| Tile::is_on(**vertex, side));
-            all.map(|(number, _)| number).collect()
+            all.map(|(number, _)| number).filter(is_rim).collect()
         };
         let low = lowest * step;
-        Ok(Tile {
+        let tile = Tile {
             centre: self.centre,
             heights: [low as f32, (low + step * f64::from(LAST)) as f32],
             triangles: self.triangles,
@@ -164,7 +186,8 @@ impl Content {
             placed,
             faults,
             ..Tile::default()
-        })
+        };
+        Ok(apart.map_or(tile.clone(), |apart| without_skirt(tile, apart)))
     }
 
     /// Normals that are not outward, or not of length 1.
@@ -193,5 +216,25 @@ impl Content {
             !stops.is_sorted()
         };
         Side::ALL.iter().filter(|side| is_other(side)).count() as u64
+    }
+}
+
+/// A tile whose vertices and triangles are those of its surface, with its skirt apart.
+fn without_skirt(tile: Tile, apart: Apart) -> Tile {
+    let mut numbers = vec![u32::MAX; tile.vertices.len()];
+    let kept: Vec<usize> = (0..numbers.len()).filter(|vertex| !apart.is_low[*vertex]).collect();
+    for (number, vertex) in (0..).zip(&kept) {
+        numbers[*vertex] = number;
+    }
+    // A side that names a vertex of the skirt names none that is there.
+    let renumbered = |vertex: &u32| numbers[*vertex as usize];
+    let of_skirt = |corners: &[u32; 3]| corners.map(|corner| tile.placed[corner as usize]);
+    Tile {
+        skirt: Skirt { triangles: apart.hanging.iter().map(of_skirt).collect() },
+        vertices: kept.iter().map(|vertex| tile.vertices[*vertex]).collect(),
+        placed: kept.iter().map(|vertex| tile.placed[*vertex]).collect(),
+        triangles: apart.surface.iter().map(|corners| corners.each_ref().map(renumbered)).collect(),
+        sides: tile.sides.each_ref().map(|side| side.iter().map(renumbered).collect()),
+        ..tile
     }
 }

@@ -3,6 +3,7 @@
 
 use super::contain::About;
 use super::fault::Fault;
+use super::skirt::Skirt;
 use super::tiling::{Side, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -31,12 +32,14 @@ pub struct Tile {
     pub sides: [Vec<u32>; 4],
     /// Normals of vertices, oct-encoded.
     pub normals: Option<Vec<[u8; 2]>>,
-    /// True when there is a water mask.
-    pub has_water: bool,
+    /// The mask of water: a byte for each of 256 x 256 pixels from the north-west on, or one for all.
+    pub water: Option<Vec<u8>>,
     /// Metadata, as text that is meant to be JSON.
     pub metadata: Option<Vec<u8>>,
     /// Earth-centred vertices, where a tile holds such.
     pub placed: Vec<[f64; 3]>,
+    /// What hangs from its sides.
+    pub skirt: Skirt,
     /// What was found wrong while it was read, and how often.
     pub faults: Vec<(Fault, u64)>,
 }
@@ -242,7 +245,7 @@ impl<'a> Cursor<'a> {
             2 if length != 1 && length != 1 << 16 => {
                 return fail(format!("a water mask has {length} bytes, not 1 or 65536"));
             }
-            2 => std::mem::replace(&mut tile.has_water, true),
+            2 => tile.water.replace(bytes.to_vec()).is_some(),
             4 => {
                 let mut inner = Cursor { bytes, at: 0 };
                 let text = inner.count(1, "bytes of metadata").and_then(|length| {

@@ -15,18 +15,21 @@ pub enum Check {
     Levels,
     /// Spheres, horizons and ranges of heights.
     Containment,
+    /// Masks of water against polygons.
+    Water,
     /// Which tiles there are, and what `layer.json` says of them.
     Index,
 }
 
 impl Check {
     /// All of them with their names, in the order of reports.
-    pub const ALL: [(Self, &'static str); 6] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::Structure, "structure"),
         (Self::Samples, "samples"),
         (Self::Borders, "borders"),
         (Self::Levels, "levels"),
         (Self::Containment, "containment"),
+        (Self::Water, "water"),
         (Self::Index, "index"),
     ];
 }
@@ -63,6 +66,8 @@ faults! {
     NoMetadata Structure "tiles without the metadata that layer.json announces";
     NoEdges Structure "tiles without the edges that layer.json announces";
     WalkedOtherwise Structure "lists of the vertices of a side that do not run around the tile";
+    SkirtTorn Structure "edges where a skirt is torn from the rim of its tile, or itself";
+    SkirtDepth Structure "vertices of skirts that are not as far straight below the rim as layer.json says";
     OffPlace Structure "vertices that are not where their place in the tile and a height of the level put them";
     Ends Structure "tiles whose positions have other ends than they say";
     OverTolerance Samples "samples further from the surface than the tolerance of the level";
@@ -75,6 +80,7 @@ faults! {
     OffCoordinates Borders "vertices whose coordinates are no whole numbers of the lattice of the level";
     WrongStep Borders "tiles whose own step of heights is no part of the step of the level";
     Gaps Levels "borders with a larger gap to the next coarser level than both tolerances allow";
+    SkirtShort Levels "levels whose skirts are less deep than borders of it and the coarser one may differ";
     Sphere Containment "vertices outside of the bounding sphere";
     Range Containment "tiles whose least height is above the largest";
     Heights Containment "triangles lower or higher than the tile says";
@@ -83,6 +89,8 @@ faults! {
     Centre Containment "tiles whose centre is not near them";
     Horizon Containment "vertices that may be seen when the horizon occlusion point is not";
     Spikes Containment "tiles with vertices lower or higher than all samples";
+    NoMask Water "tiles without the mask of water that layer.json announces";
+    WrongMask Water "pixels of masks that are land in a polygon, or water outside";
     Missing Index "tiles that are not there and have samples";
     Superfluous Index "tiles that are there and have no sample";
     NoRoot Index "roots that are not there";

@@ -15,20 +15,24 @@ mod facets;
 mod fault;
 mod glb;
 mod meshopt;
+mod skirt;
 mod structure;
 mod subtree;
 mod tiling;
+mod water;
 
 pub use border::{Chain, gap, lattice};
 pub use contain::{About, between, contain};
-pub use content::Content;
+pub use content::{Content, Said};
 pub use decode::{LAST, Tile};
 pub use ellipsoid::{Meridian, Parallel, position};
 pub use facets::{BYTES_PER_VERTEX, Facets, Seen};
 pub use fault::{Check, Count, Fault, Faults};
+pub use skirt::Skirt;
 pub use structure::structure;
 pub use subtree::{MOST_SUBTREE_LEVELS, Schema, Subtree};
 pub use tiling::{MOST_LEVEL, Side, TileId, columns, rows};
+pub use water::{Bank, Pixels, Shore, UNCLEAR};
 
 /// What clients take for the error of level 0, in metres; each level has half of the one before.
 pub const ERROR_OF_ROOT: f64 = 77_067.34;

@@ -65,7 +65,7 @@ pub(crate) fn cache_beside(
 
 impl Clipped {
     fn scan(&self, rect: Rect) -> Scan<'_> {
-        Scan::new(&self.clip, self.info.transform, rect)
+        Scan::new(&self.clip.areas, self.info.transform, rect)
     }
 
     /// True when a sample of `rect` stays.

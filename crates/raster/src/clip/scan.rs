@@ -7,12 +7,12 @@
 use std::cmp::Ordering;
 use std::ops::{ControlFlow, Range};
 
-use super::{Clip, Edge, Xy};
+use super::{Areas, Edge, Xy};
 use terrane_base::geom::{Affine, Rect, plane};
 
 /// A window of samples that is looked at, and the lists for a row of it.
 pub(crate) struct Scan<'a> {
-    clip: &'a Clip,
+    areas: &'a Areas,
     /// What features are told apart by; `None` where they are not.
     labels: Option<&'a [u32]>,
     map: Affine,
@@ -30,9 +30,9 @@ pub(crate) type Labelled = (u32, Range<u32>);
 
 impl<'a> Scan<'a> {
     /// All features together, with the label 0.
-    pub(crate) fn new(clip: &'a Clip, map: Affine, rect: Rect) -> Self {
+    pub(crate) fn new(areas: &'a Areas, map: Affine, rect: Rect) -> Self {
         let (active, turns, inside) = (Vec::new(), Vec::new(), Vec::new());
-        Self { clip, labels: None, map, rect, active, turns, inside }
+        Self { areas, labels: None, map, rect, active, turns, inside }
     }
 
     /// Those of each label by themselves; features have one each, in the order in which they were begun.
@@ -68,10 +68,10 @@ impl<'a> Scan<'a> {
     /// A row whose samples have one y, which is that of the row before or higher; `next` is the first edge
     /// that no row before came up to.
     fn look_at_row(&mut self, row: u32, next: &mut usize) {
-        let edges = &self.clip.edges;
+        let edges = &self.areas.edges;
         let y = self.position(0, row)[1];
         self.active.retain(|edge| edges[*edge as usize].high[1] >= y);
-        while let Some(edge) = self.clip.reaching(*next, y).filter(|edge| edges[*edge].low[1] <= y)
+        while let Some(edge) = self.areas.reaching(*next, y).filter(|edge| edges[*edge].low[1] <= y)
         {
             self.active.push(edge as u32);
             *next = edge + 1;
@@ -154,7 +154,7 @@ impl<'a> Scan<'a> {
         let mut features = Vec::new();
         for col in 0..self.rect.width {
             features.clear();
-            self.clip.features_at(self.position(col, row), &mut self.turns, &mut features);
+            self.areas.features_at(self.position(col, row), &mut self.turns, &mut features);
             let labelled = features.iter().map(|&of| (label(self.labels, of), col..col + 1));
             self.inside.extend(labelled);
         }
@@ -166,7 +166,7 @@ fn label(labels: Option<&[u32]>, feature: u32) -> u32 {
     labels.map_or(0, |labels| labels[feature as usize - 1])
 }
 
-impl Clip {
+impl Areas {
     /// Appends the features that hold a position, or have it on their border: some more than once.
     pub(crate) fn features_at(&self, at: Xy, turns: &mut Vec<(u32, u32)>, out: &mut Vec<u32>) {
         turns.clear();

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 
 use super::scan::Scan;
-use super::{Clip, ClipRings, Xy, clipped};
+use super::{Areas, Clip, ClipRings, Xy, clipped};
 use crate::{GridInfo, GridSource, OpenOptions, SampleType};
 use terrane_base::error::{ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs, Rect, plane};
@@ -154,6 +154,47 @@ proptest! {
     }
 
     #[test]
+    fn parts_of_areas_tell_of_a_box_what_all_do(
+        features in features(),
+        // Whose rows run to the east.
+        map in prop::sample::select(vec![MAPS[0], MAPS[1], MAPS[3]]),
+        [col, row, width, height] in [0..SIDE, 0..SIDE, 1..SIDE, 1..SIDE],
+        inner in [0..4u32, 0..4u32],
+    ) {
+        let features = placed(&features, &map);
+        let all = clip_of(&features, Crs::default()).areas.clone();
+        // Of a box, and of one in it, whose borders samples lie on.
+        let rows = |areas: &Areas, [col, row]: [u32; 2], size: [u32; 2]| {
+            let from = map.shifted(f64::from(col), f64::from(row));
+            let mut found = vec![Vec::new(); size[1] as usize];
+            areas.rows(from, size, |row, runs| found[row as usize] = runs.to_vec());
+            found
+        };
+        // Of the very positions that are asked for.
+        let box_of = |[col, row]: [u32; 2], size: [u32; 2]| {
+            let from = map.shifted(f64::from(col), f64::from(row));
+            let last = size.map(|count| f64::from(count - 1));
+            let ends = [from.apply(0.0, 0.0), from.apply(last[0], last[1])];
+            let side = |axis: usize| {
+                [ends[0][axis].min(ends[1][axis]), ends[0][axis].max(ends[1][axis])]
+            };
+            let ([west, east], [south, north]) = (side(0), side(1));
+            [west, south, east, north]
+        };
+        let part = all.within(box_of([col, row], [width, height]));
+        prop_assert!(part.edges.len() <= all.edges.len());
+        prop_assert_eq!(rows(&part, [col, row], [width, height]), rows(&all, [col, row], [width, height]));
+        // A box in it, whose borders rounding may move by a hair beyond it.
+        let near = [col + inner[0].min(width - 1), row + inner[1].min(height - 1)];
+        let less = [col + width - near[0], row + height - near[1]];
+        let [outer, own] = [box_of([col, row], [width, height]), box_of(near, less)];
+        if own[0] >= outer[0] && own[1] >= outer[1] && own[2] <= outer[2] && own[3] <= outer[3] {
+            let parts = part.within(own);
+            prop_assert_eq!(rows(&parts, near, less), rows(&all, near, less));
+        }
+    }
+
+    #[test]
     fn no_edge_at_a_height_is_passed_over(
         ends in prop::collection::vec([0i32..40, 0i32..40], 3..700),
         y in -1i32..41,
@@ -162,14 +203,14 @@ proptest! {
         let clip = clip_of(&vec![vec![ring]], Crs::default());
         let mut found = Vec::new();
         let mut next = 0;
-        while let Some(edge) = clip.reaching(next, y.into()) {
+        while let Some(edge) = clip.areas.reaching(next, y.into()) {
             found.push(edge);
             next = edge + 1;
         }
-        let reach = |edge: &usize| clip.edges[*edge].high[1] >= y.into();
-        prop_assert_eq!(found, (0..clip.edges.len()).filter(reach).collect::<Vec<_>>());
-        let at = |y: f64| clip.edges.iter().filter(|e| e.low[1] <= y && y <= e.high[1]).count();
-        prop_assert_eq!(clip.most_at_once, (0..40).map(|y| at(f64::from(y))).max().unwrap());
+        let reach = |edge: &usize| clip.areas.edges[*edge].high[1] >= y.into();
+        prop_assert_eq!(found, (0..clip.areas.edges.len()).filter(reach).collect::<Vec<_>>());
+        let at = |y: f64| clip.areas.edges.iter().filter(|e| e.low[1] <= y && y <= e.high[1]).count();
+        prop_assert_eq!(clip.areas.most_at_once, (0..40).map(|y| at(f64::from(y))).max().unwrap());
     }
 }
 
@@ -179,9 +220,9 @@ fn a_window_is_done_with_the_edges_at_its_height() {
     let teeth = (0..40_000).flat_map(|i| [[5.0, f64::from(-i)], [2.0, -f64::from(i) - 0.5]]);
     let ring: Vec<Xy> = teeth.chain([[0.0, -40_000.0], [0.0, 0.0]]).collect();
     let clip = clip_of(&vec![vec![ring]], Crs::default());
-    assert!(clip.most_at_once <= 5, "{}", clip.most_at_once);
+    assert!(clip.areas.most_at_once <= 5, "{}", clip.areas.most_at_once);
     let mut rows = 0;
-    let scan = Scan::new(&clip, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
+    let scan = Scan::new(&clip.areas, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
     let _ = scan.rows(|_, inside| {
         rows += 1;
         assert_eq!(inside, [(0, 0..6)]);

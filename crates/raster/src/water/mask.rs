@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{Water, Xy};
 use crate::GridInfo;
-use crate::clip::{Clip, ClipRings, Labelled, Scan, join};
+use crate::clip::{Areas, ClipRings, Labelled, Scan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Ends, Paths, Rect, cut};
 
@@ -16,7 +16,7 @@ const SAMPLES: Affine = Affine { x0: 0.0, a: 1.0, b: 0.0, y0: 0.0, d: 0.0, e: 1.
 pub(super) struct Mask {
     size: [u32; 2],
     /// Polygons whose corners are samples.
-    inside: Clip,
+    inside: Areas,
     /// The body of each of them.
     body_of: Vec<u32>,
     bodies: Vec<Body>,
@@ -63,8 +63,7 @@ impl Mask {
         for (body, sides) in bodies.iter_mut().zip(sides) {
             body.sides = Paths::of(sides);
         }
-        let inside = Clip::new(inside, &water.path, grid.crs.clone());
-        Ok(Self { size, inside, body_of: water.body_of.clone(), bodies })
+        Ok(Self { size, inside: Areas::new(inside), body_of: water.body_of.clone(), bodies })
     }
 
     /// The sides of all bodies.

@@ -34,7 +34,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use crate::GridInfo;
-use crate::clip::{Clip, ClipRings};
+use crate::clip::{Areas, ClipRings};
 pub(crate) use layer::levelled;
 use levels::Levels;
 use mask::Mask;
@@ -166,7 +166,7 @@ impl Water {
     /// The water of the file `path`, in the system `crs`. Takes O((n + m) log n) time for n sides and m vertices
     /// of lines, where few sides are at a height.
     pub fn new(mut features: WaterFeatures, path: &Path, crs: Crs) -> Self {
-        let world = Clip::new(std::mem::take(&mut features.rings), path, crs.clone());
+        let world = Areas::new(std::mem::take(&mut features.rings));
         let lines_of = lines_of(&features, &world);
         let is_river = |area: u32| !lines_of[area as usize].is_empty();
         let body_of = bodies(&features, is_river);
@@ -181,6 +181,11 @@ impl Water {
         }
         let levels = Mutex::default();
         Self { path: path.to_path_buf(), crs, features, body_of, bodies, levels }
+    }
+
+    /// Each ring with the number of its polygon, from 0 on; the rings of one come after each other.
+    pub fn rings(&self) -> impl Iterator<Item = (u32, &[Xy])> {
+        self.features.rings()
     }
 
     /// The file that it is from.
@@ -222,7 +227,7 @@ impl Water {
 }
 
 /// The lines that run within each area: with a vertex that is no end, or the middle of a segment.
-fn lines_of(features: &WaterFeatures, world: &Clip) -> Vec<Vec<u32>> {
+fn lines_of(features: &WaterFeatures, world: &Areas) -> Vec<Vec<u32>> {
     let mut lines_of = vec![Vec::new(); features.areas as usize];
     let (mut turns, mut found) = (Vec::new(), Vec::new());
     for (number, line) in (0..).zip(features.lines()) {

@@ -63,7 +63,7 @@ pub enum GroundFrom {
 }
 
 /// The class of ground points, unless others are named.
-const GROUND: u8 = 2;
+pub(crate) const GROUND: u8 = 2;
 /// Classes of noise, below the ground and in the air.
 const NOISE: [u8; 2] = [7, 18];
 /// Stores that are in memory at once.

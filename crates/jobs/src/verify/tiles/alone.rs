@@ -12,8 +12,8 @@ use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_files::lock;
 use terrane_proof::tiles::{
-    About, Chain, Facets, Fault, Faults, Side, Tile, TileId, between, contain, gap, lattice,
-    structure,
+    About, Chain, Facets, Fault, Faults, Pixels, Side, Tile, TileId, between, contain, gap,
+    lattice, structure,
 };
 
 /// Tiles that a thread takes at a time, along a row.
@@ -72,16 +72,19 @@ pub(super) struct Found {
     pub(super) borders: Vec<[Borders; 2]>,
     /// By level: vertices and triangles.
     pub(super) sizes: Vec<[u64; 2]>,
+    /// Of masks of water.
+    pub(super) pixels: Pixels,
 }
 
 impl Found {
     fn new(levels: usize) -> Self {
         let (borders, sizes) = (vec![Default::default(); levels], vec![[0; 2]; levels]);
-        Self { faults: Faults::default(), borders, sizes }
+        Self { faults: Faults::default(), borders, sizes, pixels: Pixels::default() }
     }
 
     fn merge(&mut self, other: &Self) {
         self.faults.merge(&other.faults);
+        self.pixels.merge(&other.pixels);
         for (mine, theirs) in self.borders.iter_mut().zip(&other.borders) {
             mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| mine.merge(theirs));
         }
@@ -154,6 +157,12 @@ impl Looker<'_> {
         faults.add(Fault::NoNormals, u64::from(lacks), id);
         let lacks = layer.has_metadata && tile.metadata.is_none();
         faults.add(Fault::NoMetadata, u64::from(lacks), id);
+        faults.add(Fault::NoMask, u64::from(layer.has_water && tile.water.is_none()), id);
+        if let (Some(shore), Some(mask)) = (&context.shore, &tile.water) {
+            let seen = shore.check(id, mask);
+            faults.add(Fault::WrongMask, seen.wrong, id);
+            found.pixels.merge(&seen);
+        }
         let Metadata { error, available } = self.metadata(id, &tile)?;
         let is_wrong = |below: &Below| !below.is_right(id, available.as_deref(), context.tiles);
         faults.add(Fault::Below, u64::from(self.below.as_ref().is_some_and(is_wrong)), id);
@@ -181,7 +190,9 @@ impl Looker<'_> {
             return None;
         };
         let about = *three.about(id)?;
-        contain(id, &about, tile.centre, positions, faults);
+        let hanging = tile.skirt.triangles.as_flattened();
+        let all = [positions, hanging].concat();
+        contain(id, &about, tile.centre, &all, faults);
         between(id, &about, tile, positions, faults);
         Some(about)
     }

@@ -57,6 +57,7 @@ pub(super) struct Level {
     pub(super) tolerance: f64,
     pub(super) step: f64,
     pub(super) lattice: Option<f64>,
+    pub(super) skirt: Option<f64>,
     pub(super) error: f64,
     pub(super) tiles: u64,
 }
@@ -73,6 +74,8 @@ pub(super) struct Layer {
     pub(super) available: Vec<Vec<Range>>,
     pub(super) has_normals: bool,
     pub(super) has_metadata: bool,
+    /// Tiles have masks of water.
+    pub(super) has_water: bool,
     /// Levels from one whose tiles tell what is below them to the next, where there are such.
     pub(super) told_every: Option<u8>,
     /// By level, where terrane made it.
@@ -226,6 +229,7 @@ impl Stored {
             available,
             has_normals: announces("octvertexnormals"),
             has_metadata: announces("metadata"),
+            has_water: announces("watermask"),
             told_every: self.told_every,
             levels,
             assumed: ERROR_OF_ROOT,
@@ -279,11 +283,14 @@ pub(super) fn check_levels(mut levels: Vec<Level>, finest: u8) -> Result<Vec<Lev
     if !is_each {
         return Err(Error::bad_input("does not state each of its levels once"));
     }
-    let numbers = |own: &Level| [own.tolerance, own.step, own.lattice.unwrap_or(0.0), own.error];
+    let numbers = |own: &Level| {
+        let [lattice, skirt] = [own.lattice, own.skirt].map(Option::unwrap_or_default);
+        [own.tolerance, own.step, lattice, skirt, own.error]
+    };
     let is_bad = |value: &f64| !value.is_finite() || *value < 0.0;
     match levels.iter().find(|own| numbers(own).iter().any(is_bad)) {
         Some(own) => Err(Error::bad_input(format!(
-            "states a tolerance, step or error of level {} that is none",
+            "states a tolerance, step, skirt or error of level {} that is none",
             own.level
         ))),
         None => Ok(levels),

@@ -11,10 +11,12 @@ mod folder;
 mod layer;
 mod place;
 mod report;
+mod shore;
 mod sweep;
 mod three;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use self::folder::Tiles;
@@ -23,10 +25,11 @@ use self::place::Places;
 use crate::figures::Figures;
 use crate::memory::{beside_program, cache_beside};
 use crate::reading::Reading;
+use crate::tiles::GroundModel;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_proof::tiles::{BYTES_PER_VERTEX, Tile, TileId};
-use terrane_raster::{self as raster, Inputs};
+use terrane_proof::tiles::{BYTES_PER_VERTEX, Shore, Tile, TileId};
+use terrane_raster::{self as raster, Inputs, Water};
 
 pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
 
@@ -85,11 +88,14 @@ pub fn verify_tiles(
     super::check_grid(&*grid).map_err(of_raster)?;
     let places = Places::of(&*grid, job.geoid.as_deref(), &job.resources)
         .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
+    let water = options.water.as_ref().filter(|_| layer.has_water);
+    let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &job.resources);
+    let shore = water.map(shore).transpose()?;
     let tiles = match &layer.kind {
         Kind::QuantizedMesh => Tiles::find(&layer.folder, most, cancel)?,
         Kind::ThreeTiles(three) => three.find(&layer.folder, most, cancel)?,
     };
-    let context = Context::new(&layer, &tiles, places, &job.resources, (progress, cancel));
+    let context = Context::new((&layer, shore), &tiles, places, &job.resources, (progress, cancel));
     let (alone, records) = alone::check(&context)?;
     let (sweep, under) = sweep::check(&context)?;
     if sweep.valid == 0 {
@@ -102,6 +108,25 @@ pub fn verify_tiles(
     report.run = Figures { threads: context.threads, ..figures };
     report.samples_per_second = report.run.rate(report.measured);
     Ok(report)
+}
+
+/// Proves a set of tiles of a cloud against the model of its ground, which is made again in the folder for what does
+/// not fit into memory, or beside the set; the raster of the job is not looked at. What is promised is about samples
+/// of the model: how far points are from them, nobody says.
+///
+/// # Errors
+/// Those of [`verify_tiles`], and of making the model.
+pub fn verify_tiles_of_cloud(
+    model: &GroundModel,
+    job: &TilesVerifyJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesVerifyReport> {
+    check_memory(&job.resources)?;
+    let made = model.make(&job.tiles, &job.resources, progress, cancel)?;
+    let job = TilesVerifyJob { raster: made.inputs.clone(), ..job.clone() };
+    let report = verify_tiles(&job, progress, cancel).map_err(|error| made.renamed(error))?;
+    Ok(TilesVerifyReport { notes: [made.notes, report.notes].concat(), ..report })
 }
 
 fn check_memory(resources: &Resources) -> Result<()> {
@@ -117,6 +142,8 @@ struct Context<'a> {
     layer: &'a Layer,
     tiles: &'a Tiles,
     places: Places<'a>,
+    /// What masks of water are held to.
+    shore: Option<Shore>,
     progress: &'a dyn Progress,
     cancel: &'a Cancel,
     threads: usize,
@@ -128,14 +155,15 @@ struct Context<'a> {
 
 impl<'a> Context<'a> {
     fn new(
-        layer: &'a Layer,
+        (layer, shore): (&'a Layer, Option<Shore>),
         tiles: &'a Tiles,
         places: Places<'a>,
         resources: &Resources,
         (progress, cancel): (&'a dyn Progress, &'a Cancel),
     ) -> Self {
         let memory = beside_program(resources.memory) / 2;
-        let memory = memory.saturating_sub(tiles.all.len() as u64 * TILE_BYTES);
+        let shores = shore.as_ref().map_or(0, Shore::bytes);
+        let memory = memory.saturating_sub(tiles.all.len() as u64 * TILE_BYTES + shores);
         let window = sweep::window_bytes(&places);
         let least = 4 * window;
         let fitting = usize::try_from(memory / 2 / least).unwrap_or(usize::MAX);
@@ -143,7 +171,7 @@ impl<'a> Context<'a> {
         let memory = memory.saturating_sub(threads as u64 * window);
         let share = usize::try_from(memory / 4 / threads as u64).unwrap_or(usize::MAX);
         let most = share / BYTES_PER_VERTEX;
-        Self { layer, tiles, places, progress, cancel, threads, memory, most }
+        Self { layer, tiles, places, shore, progress, cancel, threads, memory, most }
     }
 
     fn read(&self, id: TileId) -> Result<Tile> {

@@ -72,6 +72,33 @@ impl<'a> Places<'a> {
         }
     }
 
+    /// Longitude and latitude of a position in the system of the raster.
+    ///
+    /// # Errors
+    /// One beyond what its projection reaches.
+    pub(super) fn bring(&self, at: [f64; 2]) -> Result<[f64; 2]> {
+        match &self.on_globe {
+            OnGlobe::Straight(_) => Ok(at),
+            OnGlobe::Moved(_, operation) => operation.position(at),
+        }
+    }
+
+    /// Whether the box around positions meets that of the samples.
+    pub(super) fn may_meet(&self, ring: &[[f64; 2]]) -> bool {
+        let info = self.grid.info();
+        let last = [info.width - 1, info.height - 1].map(f64::from);
+        let corners = [[0.0, 0.0], [last[0], 0.0], [0.0, last[1]], last];
+        let samples = corners.map(|[col, row]| info.transform.apply(col, row));
+        let reach = |all: &[[f64; 2]], axis: usize| {
+            let along = all.iter().map(|at| at[axis]);
+            along.clone().reduce(f64::min).zip(along.reduce(f64::max))
+        };
+        (0..2).all(|axis| match (reach(ring, axis), reach(&samples, axis)) {
+            (Some((low, high)), Some((from, to))) => low <= to && from <= high,
+            _ => false,
+        })
+    }
+
     /// Where the samples of a window are, each by itself.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use super::{Context, ROUNDING};
 use crate::figures::Figures;
 use crate::verify::found::Verdict;
 use terrane_base::geom::Crs;
-use terrane_proof::tiles::{Check, Fault, Faults, TileId};
+use terrane_proof::tiles::{Check, Fault, Faults, Pixels, TileId};
 
 /// Degrees by which bounds may miss a sample: they are written in decimals.
 const DEGREES: f64 = 1e-9;
@@ -63,7 +63,7 @@ pub struct TilesVerifyReport {
 /// What came of one thing that is proved.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CheckReport {
-    /// What: structure, samples, borders, levels, containment or index.
+    /// What: structure, samples, borders, levels, containment, water or index.
     pub check: &'static str,
     /// Nothing wrong was found.
     pub kept: bool,
@@ -136,11 +136,13 @@ pub(super) fn report(context: &Context<'_>, found: &Found, crs: &Crs) -> TilesVe
     let levels: Vec<_> = (0..=context.layer.finest).map(|level| judge.level(level)).collect();
     judge.levels(&levels, &mut faults);
     let checks: Vec<_> = Check::ALL
+        .into_iter()
+        .filter(|(check, _)| *check != Check::Water || context.layer.has_water)
         .map(|(check, name)| {
             let looked_at = judge.looked_at(check, &levels);
             CheckReport::new((check, name), &faults, context.layer, looked_at)
         })
-        .into();
+        .collect();
     let sum = |of: fn(&LevelReport) -> u64| levels.iter().map(of).sum();
     TilesVerifyReport {
         crs: crs.label(),
@@ -313,6 +315,9 @@ impl Judge<'_> {
             let Some(own) = self.context.layer.own(found.level) else { continue };
             let is_larger = found.max_error.is_some_and(|error| error > own.error + ROUNDING);
             faults.add(Fault::LevelError, u64::from(is_larger), id.copied());
+            let allowed = self.context.allowed_gap(found.level) - 2.0 * ROUNDING;
+            let is_short = own.skirt.is_some_and(|skirt| skirt < allowed);
+            faults.add(Fault::SkirtShort, u64::from(is_short), id.copied());
             faults.add(Fault::Counts, u64::from(own.tiles != found.tiles), id.copied());
         }
     }
@@ -342,6 +347,10 @@ impl Judge<'_> {
                 sum(|level| level.coarser_alone)
             ),
             Check::Containment => format!("{} vertices", sum(|level| level.vertices)),
+            Check::Water => {
+                let Pixels { judged, unclear, .. } = self.found.alone.pixels;
+                format!("{judged} pixels, {unclear} more too near to a bank to tell")
+            }
             Check::Index => format!("{}, {files} files", self.context.layer.name()),
         }
     }
@@ -365,6 +374,9 @@ impl Judge<'_> {
 
     fn not_judged(&self) -> Vec<String> {
         let mut not = Vec::new();
+        if self.context.layer.has_water && self.context.shore.is_none() {
+            not.push("masks of water, as no file of it was named".to_owned());
+        }
         if self.context.layer.levels.is_none() {
             not.push(
                 "whether heights are on one lattice, as layer.json states no steps".to_owned(),
@@ -378,6 +390,13 @@ impl Judge<'_> {
     fn notes(&self) -> Vec<String> {
         let unknown = !self.context.places.knows_unit;
         let note = "the raster does not say what its heights are in: they are taken for metres";
-        self.context.places.notes.iter().cloned().chain(unknown.then(|| note.to_owned())).collect()
+        let is_dry = self.context.layer.has_water && self.context.shore.is_none();
+        let of_water =
+            "tiles tell of water, which is level in them: pass --water with the file of it";
+        let found = self.context.places.notes.iter().cloned();
+        found
+            .chain(unknown.then(|| note.to_owned()))
+            .chain(is_dry.then(|| of_water.to_owned()))
+            .collect()
     }
 }

@@ -12,7 +12,8 @@ use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{
-    About, Content, Fault, Faults, MOST_LEVEL, MOST_SUBTREE_LEVELS, Schema, Subtree, Tile, TileId,
+    About, Content, Fault, Faults, MOST_LEVEL, MOST_SUBTREE_LEVELS, Said, Schema, Subtree, Tile,
+    TileId,
 };
 
 /// The name of the file.
@@ -160,6 +161,7 @@ impl Stored {
             available,
             has_normals: own.normals,
             has_metadata: false,
+            has_water: false,
             told_every: None,
             levels: Some(levels),
             assumed: west.geometric_error.min(east.geometric_error),
@@ -283,8 +285,13 @@ impl Three {
         most: usize,
     ) -> Result<Tile> {
         let path = path_of(folder, id, TILE);
-        let steps = (level.step, level.lattice.unwrap_or_default());
-        let read = || Content::read(&folder::bytes(&path)?, most)?.tile(id, steps, self.has_edges);
+        let said = Said {
+            step: level.step,
+            lattice: level.lattice.unwrap_or_default(),
+            has_edges: self.has_edges,
+            skirt: level.skirt,
+        };
+        let read = || Content::read(&folder::bytes(&path)?, most)?.tile(id, said);
         read().map_err(|e| e.in_file(&path))
     }
 

@@ -1,0 +1,327 @@
+//! Points with all that is known of them, from the files of a cloud into one format: what an output is to be, and
+//! the records of each part.
+
+mod extra;
+mod recast;
+
+use std::collections::HashSet;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Frame};
+use terrane_files::{RawFile, path_of, shown};
+
+use crate::format::PointFormat;
+use crate::las::{LASZIP, LasFile, Vlr};
+use crate::member::{File, take_room};
+use crate::open::Cloud;
+use crate::write::{Carried, Lines, Packing, Vlr as Record, WriteOptions};
+use crate::{Census, CloudInfo, PointSource};
+use extra::Extra;
+pub(crate) use recast::Recast;
+
+/// Who writes records that tell of reference systems; who writes those of octrees.
+const PROJECTION: &str = "LASF_Projection";
+const OCTREE: &str = "copc";
+/// Numbers of records of [`extra::USER`]: records that are no longer valid, and descriptions of waveforms, which
+/// are followed by one that holds the waveforms themselves.
+const SUPERSEDED: u16 = 7;
+const WAVES: std::ops::RangeInclusive<u16> = 100..=354;
+const WAVE_DATA: u16 = 65_535;
+/// Bits of the global encoding: times are adjusted standard GPS times; waveforms are in the file, or in one beside
+/// it; returns were made up.
+const STANDARD_TIME: u16 = 1;
+const WAVES_INSIDE: u16 = 2;
+const WAVES_BESIDE: u16 = 4;
+const MADE_RETURNS: u16 = 8;
+/// Most bytes of the records that are carried.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// How the points of a cloud get into a file of one format.
+pub struct Carrier<'a> {
+    cloud: &'a Cloud,
+    info: CloudInfo,
+    as_stored: bool,
+    format: PointFormat,
+    extra: Extra,
+    carried: Carried,
+    /// By file.
+    recasts: Vec<Recast>,
+    notes: Vec<String>,
+}
+
+/// What is known of a file of the cloud.
+struct Origin<'a> {
+    name: &'a str,
+    /// `None` for text.
+    las: Option<&'a LasFile>,
+    format: PointFormat,
+    extra: Extra,
+}
+
+impl<'a> Carrier<'a> {
+    /// For records of this format in a file so packed; of the first that holds all fields of all files when `None`.
+    ///
+    /// # Errors
+    /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file; a format that
+    /// cannot be so packed.
+    pub fn new(cloud: &'a Cloud, format: Option<PointFormat>, packing: Packing) -> Result<Self> {
+        let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
+        let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
+        let format = match format {
+            Some(asked) => packing.check(asked).map(|()| asked)?,
+            None => packing.holding(held.unwrap_or_default())?,
+        };
+        let extra = Extra::of_all(&origins)?;
+        let (vlrs, mut notes) = records(&origins, format)?;
+        let recast =
+            |origin: &Origin<'_>| Recast::new((origin.format, &origin.extra), (format, &extra));
+        let recasts = origins.iter().map(recast).collect();
+        let only = match origins.as_slice() {
+            [Origin { las: Some(file), .. }] => Some(&file.header),
+            _ => None,
+        };
+        let carried = Carried {
+            encoding: encoding(&origins, format)?,
+            source: only.map_or(0, |header| header.source),
+            system: only.map_or_else(String::new, |header| header.system.clone()),
+            extra_bytes: fitting(format, &extra)?,
+            vlrs: described(&extra).into_iter().chain(vlrs).collect(),
+        };
+        notes.extend(left_out(&origins, format, packing));
+        if packing == Packing::Text && extra.has_others() {
+            notes.push("extra bytes that are no numbers are left out".to_owned());
+        }
+        let (info, as_stored) = cloud.as_stored();
+        Ok(Self { cloud, info, as_stored, format, extra, carried, recasts, notes })
+    }
+
+    /// The format of the records.
+    pub fn format(&self) -> PointFormat {
+        self.format
+    }
+
+    /// Where the records lie: in the lattice of the files, where they have one, and else in the frame of the cloud.
+    pub fn info(&self) -> &CloudInfo {
+        &self.info
+    }
+
+    /// Bytes of a record.
+    pub fn size(&self) -> usize {
+        self.format.size() + self.extra_bytes()
+    }
+
+    /// How many of these are extra bytes.
+    pub fn extra_bytes(&self) -> usize {
+        self.carried.extra_bytes.into()
+    }
+
+    /// A file with these records, or with them as they are in another frame and system.
+    pub fn file(&self, frame: Frame, crs: Crs) -> WriteOptions {
+        let carried = self.carried.clone();
+        WriteOptions { carried, ..WriteOptions::new(self.format, frame, crs) }
+    }
+
+    /// Their lines of text, as they are in a frame.
+    pub fn lines(&self, frame: &Frame) -> Lines {
+        let extra = self.extra.columns(self.format.size());
+        Lines::new(self.format, frame, &extra, self.size())
+    }
+
+    /// What is left out, or is not as in the files, one line each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Hands on the records of the wanted points of a part, as many at a time as come; places are those of
+    /// [`info`](Self::info).
+    ///
+    /// # Errors
+    /// Those of [`PointSource::read`]; what the format cannot hold of a point.
+    pub fn read(&self, part: usize, each: &mut dyn FnMut(&[u8]) -> Result<()>) -> Result<Census> {
+        let (number, member, inner) = self.cloud.part(part)?;
+        let recast = &self.recasts[number];
+        take_room(|room| member.carry(inner, (recast, self.as_stored), room, each))
+    }
+}
+
+impl Cloud {
+    fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
+        self.files().iter().zip(self.kinds()).map(|(name, file)| match file {
+            File::Las(file) => Origin::of(name, file).map_err(|e| e.in_file(&file.path)),
+            File::Text(_) => Ok(Origin {
+                name,
+                las: None,
+                format: PointFormat::default(),
+                extra: Extra::default(),
+            }),
+        })
+    }
+}
+
+impl<'a> Origin<'a> {
+    fn of(name: &'a str, file: &'a LasFile) -> Result<Self> {
+        let format = PointFormat::new(file.header.format)?;
+        let described = file.vlrs.iter().find(|vlr| vlr.is(extra::USER, extra::NUMBER));
+        let described = match described {
+            Some(vlr) => vlr.data(&file.reopen()?)?,
+            None => Vec::new(),
+        };
+        let extra = Extra::of(&described, file.header.extra_bytes().into())?;
+        Ok(Self { name, las: Some(file), format, extra })
+    }
+
+    fn encoding(&self) -> u16 {
+        self.las.map_or(0, |file| file.header.encoding)
+    }
+
+    fn has_time(&self) -> bool {
+        self.las.is_some() && self.format.places().time.is_some()
+    }
+}
+
+impl Extra {
+    fn of_all(origins: &[Origin<'_>]) -> Result<Self> {
+        let Some((first, others)) = origins.split_first() else { return Ok(Self::default()) };
+        let mut all = first.extra.clone();
+        for origin in others {
+            all = all.and(&origin.extra).map_err(|e| e.in_file(&path_of(origin.name)))?;
+        }
+        Ok(all)
+    }
+}
+
+/// The extra bytes, where a record can have so many.
+fn fitting(format: PointFormat, extra: &Extra) -> Result<u16> {
+    let (bytes, most) = (extra.bytes(), usize::from(u16::MAX) - format.size());
+    if bytes <= most {
+        return Ok(bytes as u16);
+    }
+    Err(Error::unsupported(format!(
+        "the files have {bytes} extra bytes together, and a record may have {most}"
+    ))
+    .remedy("write some of them on their own"))
+}
+
+fn described(extra: &Extra) -> Option<Record> {
+    let data = extra.described()?;
+    Some(Record {
+        user: extra::USER.into(),
+        number: extra::NUMBER,
+        about: "Extra bytes".into(),
+        data,
+    })
+}
+
+/// The bits of the global encoding that hold for all files.
+fn encoding(origins: &[Origin<'_>], format: PointFormat) -> Result<u16> {
+    let mut timed = origins.iter().filter(|origin| origin.has_time());
+    let of_time = |origin: &Origin<'_>| origin.encoding() & STANDARD_TIME;
+    let first = timed.next();
+    let time = first.map_or(STANDARD_TIME, of_time);
+    if let (Some(first), Some(other)) = (first, timed.find(|origin| of_time(origin) != time)) {
+        return Err(Error::unsupported(format!(
+            "its times are counted otherwise than those of {}: in seconds of the week, or of all GPS time",
+            shown(first.name)
+        ))
+        .in_file(&path_of(other.name))
+        .remedy("write them on their own, or bring their times into one"));
+    }
+    let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
+    let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
+    Ok(time | all & (MADE_RETURNS | waves))
+}
+
+/// The records that are carried, and what is to be said of others.
+fn records(origins: &[Origin<'_>], format: PointFormat) -> Result<(Vec<Record>, Vec<String>)> {
+    let mut by_file = Vec::new();
+    for (origin, file) in origins.iter().filter_map(|origin| Some((origin, origin.las?))) {
+        let found = of_file(file, format).map_err(|e| e.in_file(&path_of(origin.name)))?;
+        by_file.push(found);
+    }
+    let Some((mut shared, others)) = by_file.split_first_mut().map(|(a, b)| (std::mem::take(a), b))
+    else {
+        return Ok(Default::default());
+    };
+    let mut parted = HashSet::new();
+    for other in others {
+        let is_there = |record: &Record, all: &[Record]| all.contains(record);
+        parted.extend(other.iter().filter(|r| !is_there(r, &shared)).map(Record::name));
+        parted.extend(shared.iter().filter(|r| !is_there(r, other)).map(Record::name));
+        shared.retain(|record| is_there(record, other));
+    }
+    let mut parted: Vec<_> = parted.into_iter().collect();
+    parted.sort();
+    if parted
+        .iter()
+        .any(|name| WAVES.clone().any(|number| *name == format!("{} {number}", extra::USER)))
+    {
+        return Err(Error::unsupported("the files describe their waveforms differently")
+            .remedy("write them on their own, or leave waveforms out with --point-format 6"));
+    }
+    let note = (!parted.is_empty()).then(|| {
+        format!("records that are not the same in all files are left out: {}", parted.join(", "))
+    });
+    Ok((shared, note.into_iter().collect()))
+}
+
+/// The records of a file that do not tell of what is written anew.
+fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Record>> {
+    let is_wave = |vlr: &Vlr| vlr.user == extra::USER && WAVES.contains(&vlr.id);
+    let is_carried = |vlr: &Vlr| {
+        let is_data = vlr.is(extra::USER, WAVE_DATA) || vlr.is(extra::USER, SUPERSEDED);
+        let is_ours =
+            vlr.is(LASZIP.0, LASZIP.1) || vlr.is(extra::USER, extra::NUMBER) || vlr.user == OCTREE;
+        !is_data && !is_ours && vlr.user != PROJECTION && (format.has_waves() || !is_wave(vlr))
+    };
+    if format.has_waves() && file.header.encoding & WAVES_INSIDE > 0 {
+        return Err(Error::unsupported(
+            "its waveforms are inside of the file, and they are not written yet",
+        )
+        .remedy("leave them out with --point-format 6, or 7 with colours"));
+    }
+    let mut left = MOST_BYTES;
+    let carried = file.vlrs.iter().filter(|vlr| is_carried(vlr));
+    let raw = file.reopen()?;
+    carried.map(|vlr| data(vlr, &raw, &mut left)).collect()
+}
+
+fn data(vlr: &Vlr, file: &RawFile, left: &mut u64) -> Result<Record> {
+    *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
+        Error::unsupported(format!("its records hold more than {} MiB", MOST_BYTES >> 20))
+            .remedy("take the largest of them out")
+    })?;
+    let data = vlr.data(file)?;
+    Ok(Record { user: vlr.user.clone(), number: vlr.id, about: vlr.description.clone(), data })
+}
+
+/// What the format has no field for.
+fn left_out(origins: &[Origin<'_>], format: PointFormat, packing: Packing) -> Vec<String> {
+    let own = format.places();
+    let fields = |origin: &Origin<'_>| {
+        let places = origin.format.places();
+        [
+            ("times", origin.has_time() && own.time.is_none()),
+            ("colours", places.colour > own.colour && own.colour.is_none()),
+            ("infrared", places.infrared.is_some() && own.infrared.is_none()),
+            (
+                "waveforms",
+                places.wave.is_some() && (own.wave.is_none() || packing == Packing::Text),
+            ),
+            (
+                "parts of a degree of scan angles",
+                origin.las.is_some() && origin.format.is_new() && !format.is_new(),
+            ),
+        ]
+    };
+    let all: Vec<_> = origins.iter().map(fields).collect();
+    let is_lost = |i: &usize| all.iter().any(|fields| fields[*i].1);
+    let lost: Vec<_> = (0..5).filter(is_lost).map(|i| all[0][i].0).collect();
+    let lost = lost.join(", ");
+    let note = match packing {
+        Packing::Text => format!("{lost} are left out"),
+        _ => {
+            format!("point format {} has no field for {lost}, which are left out", format.number())
+        }
+    };
+    (!lost.is_empty()).then_some(note).into_iter().collect()
+}

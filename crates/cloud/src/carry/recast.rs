@@ -1,0 +1,229 @@
+//! Records of one point format as those of another (ASPRS LAS 1.4 R15, tables 7 to 18). What the other cannot
+//! hold of a point is an error; what it has no field for was asked to be left out.
+
+use std::ops::Range;
+
+use super::extra::{Extra, Move};
+use crate::format::{COLOUR, INFRARED, PointFormat, TIME, WAVE};
+use crate::write::ANGLES;
+use terrane_base::geom::Point;
+
+/// Bytes that records begin with in every format: place and intensity.
+const COMMON: usize = 14;
+/// The class that stands for the mark of overlap in formats without it, and that mark.
+const OVERLAP_CLASS: u8 = 12;
+const OVERLAP: u8 = 8;
+
+/// From the records of a file to those of an output.
+#[derive(Clone, Debug)]
+pub(crate) struct Recast {
+    /// Whether the formats are of LAS 1.4: of the file, and of the output.
+    is_new: [bool; 2],
+    /// Fields that both have, beside the first ones, and extra bytes.
+    moves: Vec<Move>,
+    /// What a record is before anything is moved there.
+    blank: Vec<u8>,
+    /// Whether a record is as it was but for its place.
+    is_same: bool,
+}
+
+impl Recast {
+    pub(crate) fn new(
+        (from, own): (PointFormat, &Extra),
+        (to, all): (PointFormat, &Extra),
+    ) -> Self {
+        let (a, b) = (from.places(), to.places());
+        let field = |from: Option<usize>, to: Option<usize>, bytes| {
+            from.zip(to).map(|(from, to)| Move { from, to, bytes })
+        };
+        let fields = [
+            field(a.time, b.time, TIME),
+            field(a.colour, b.colour, COLOUR),
+            field(a.infrared, b.infrared, INFRARED),
+            field(a.wave, b.wave, WAVE),
+        ];
+        let extra = all.moves(own);
+        let is_same = from == to && own == all;
+        let extra = extra.into_iter().map(|Move { from, to, bytes }| Move {
+            from: a.size + from,
+            to: b.size + to,
+            bytes,
+        });
+        let moves = fields.into_iter().flatten().chain(extra).collect();
+        let blank = [vec![0; b.size], all.filling()].concat();
+        Self { is_new: [from.is_new(), to.is_new()], moves, blank, is_same }
+    }
+
+    /// Appends the record of a point, which is at `place` in the output; where it is stored when `None`.
+    ///
+    /// # Errors
+    /// What the format of the output cannot hold.
+    #[inline]
+    pub(crate) fn push(
+        &self,
+        record: &[u8],
+        place: Option<Point>,
+        out: &mut Vec<u8>,
+    ) -> Result<(), String> {
+        let at = out.len();
+        if self.is_same {
+            out.extend_from_slice(record);
+        } else {
+            out.extend_from_slice(&self.blank);
+            self.fill(record, &mut out[at..])?;
+        }
+        if let Some(Point { x, y, z }) = place {
+            out[at..at + 12].copy_from_slice([x, y, z].map(i32::to_le_bytes).as_flattened());
+        }
+        Ok(())
+    }
+
+    fn fill(&self, record: &[u8], out: &mut [u8]) -> Result<(), String> {
+        let same = |bytes: Range<usize>, out: &mut [u8]| {
+            out[bytes.clone()].copy_from_slice(&record[bytes])
+        };
+        match self.is_new {
+            [true, true] => same(0..PointFormat::NEW, out),
+            [false, false] => same(0..PointFormat::OLD, out),
+            [false, true] => {
+                same(0..COMMON, out);
+                out[COMMON..22].copy_from_slice(&newer(record));
+            }
+            [true, false] => {
+                same(0..COMMON, out);
+                out[COMMON..PointFormat::OLD].copy_from_slice(&older(record)?);
+            }
+        }
+        for Move { from, to, bytes } in &self.moves {
+            out[*to..to + bytes].copy_from_slice(&record[*from..from + bytes]);
+        }
+        Ok(())
+    }
+}
+
+/// What follows the intensity in the new formats, up to the time, of a record of an old one.
+fn newer(record: &[u8]) -> [u8; 8] {
+    let (returns, class) = (record[14], record[15]);
+    let overlap = if class & 31 == OVERLAP_CLASS { OVERLAP } else { 0 };
+    let degrees = i8::from_le_bytes([record[16]]);
+    let angle = (f32::from(degrees) / ANGLES).round() as i16;
+    let [low, high] = angle.to_le_bytes();
+    [
+        returns & 7 | (returns >> 3 & 7) << 4,
+        class >> 5 | overlap | returns & 0xC0,
+        class & 31,
+        record[17],
+        low,
+        high,
+        record[18],
+        record[19],
+    ]
+}
+
+/// What follows the intensity in the old formats, of a record of a new one.
+fn older(record: &[u8]) -> Result<[u8; 6], String> {
+    let (number, returns) = (record[14] & 15, record[14] >> 4);
+    let (flags, class) = (record[15], record[16]);
+    if number > 7 || returns > 7 {
+        return Err(format!("return {number} of {returns}"));
+    }
+    if class > 31 {
+        return Err(format!("class {class}"));
+    }
+    if flags & OVERLAP > 0 && class != OVERLAP_CLASS {
+        return Err("the mark of overlap".to_owned());
+    }
+    if flags >> 4 & 3 > 0 {
+        return Err(format!("channel {} of the scanner", flags >> 4 & 3));
+    }
+    let degrees = f32::from(i16::from_le_bytes([record[18], record[19]])) * ANGLES;
+    let [angle] = (degrees.round().clamp(-128.0, 127.0) as i8).to_le_bytes();
+    Ok([
+        number | returns << 3 | flags & 0xC0,
+        class | (flags & 7) << 5,
+        angle,
+        record[17],
+        record[20],
+        record[21],
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recast(from: u8, to: u8) -> Recast {
+        let [from, to] = [from, to].map(|number| PointFormat::new(number).unwrap());
+        Recast::new((from, &Extra::default()), (to, &Extra::default()))
+    }
+
+    fn push(recast: &Recast, record: &[u8]) -> Result<Vec<u8>, String> {
+        let mut out = Vec::new();
+        let at = Point { x: 1, y: -2, z: 3 };
+        recast.push(record, Some(at), &mut out).map(|()| out)
+    }
+
+    fn record(format: u8) -> Vec<u8> {
+        (0..PointFormat::new(format).unwrap().size() as u8)
+            .map(|byte| byte.wrapping_mul(37) + 5)
+            .collect()
+    }
+
+    #[test]
+    fn fields_that_both_formats_have_keep_their_bytes() {
+        for (from, to) in [(0, 3), (5, 4), (3, 5), (6, 10), (10, 7), (8, 9)] {
+            let (source, made) = (record(from), push(&recast(from, to), &record(from)).unwrap());
+            let [a, b] = [from, to].map(|number| PointFormat::new(number).unwrap().places());
+            assert_eq!((made.len(), &made[12..20]), (b.size, &source[12..20]), "{from} to {to}");
+            for (from, to, bytes) in [
+                (a.time, b.time, TIME),
+                (a.colour, b.colour, COLOUR),
+                (a.infrared, b.infrared, INFRARED),
+                (a.wave, b.wave, WAVE),
+            ] {
+                let Some(to) = to else { continue };
+                let expected =
+                    from.map_or(vec![0; bytes], |from| source[from..from + bytes].to_vec());
+                assert_eq!(made[to..to + bytes], expected);
+            }
+        }
+    }
+
+    #[test]
+    fn what_an_old_format_holds_comes_back_from_a_new_one() {
+        let mut source = record(1);
+        // Return 2 of 5, backwards, at an edge; key point of class 17; 90 degrees; user and source.
+        (source[14], source[15], source[16]) = (2 | 5 << 3 | 0x80, 17 | 2 << 5, 90);
+        let there = push(&recast(1, 6), &source).unwrap();
+        assert_eq!((there[14], there[15], there[16]), (2 | 5 << 4, 2 | 0x80, 17));
+        assert_eq!(i16::from_le_bytes([there[18], there[19]]), 15_000);
+        let back = push(&recast(6, 1), &there).unwrap();
+        assert_eq!(back[12..], source[12..]);
+        assert_eq!(back[..12], there[..12]);
+        for degrees in i8::MIN..=i8::MAX {
+            [source[16]] = degrees.to_le_bytes();
+            let back = push(&recast(6, 1), &push(&recast(1, 6), &source).unwrap()).unwrap();
+            assert_eq!(back[16], source[16]);
+        }
+    }
+
+    #[test]
+    fn what_an_old_format_cannot_hold_is_told() {
+        let plain = || {
+            let mut source = record(6);
+            (source[14], source[15], source[16]) = (1 | 1 << 4, 0, 2);
+            source
+        };
+        assert!(push(&recast(6, 1), &plain()).is_ok());
+        for (at, value, what) in [
+            (14, 9 | 9 << 4, "return 9 of 9"),
+            (16, 65, "class 65"),
+            (15, 8, "the mark of overlap"),
+            (15, 32, "channel 2 of the scanner"),
+        ] {
+            let mut source = plain();
+            source[at] = value;
+            assert_eq!(push(&recast(6, 1), &source), Err(what.to_owned()));
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! What is learnt of a scanner channel's intensities, scan angles, user data, point sources and times
+//! while whole records of a layered chunk are decoded.
+
+use super::channel::RECORD;
+use super::coder::Coder;
+use super::integer::Integer;
+use super::machine::Machine;
+use super::model::Model;
+use super::rest::Trace;
+use super::returns::Returns;
+use super::streams::RestStreams;
+use super::time::Time;
+
+/// Everything learnt of a channel, beside what [`Channel`](super::channel::Channel) holds. A field whose
+/// stream is absent stays as it was.
+pub(super) struct Attributes {
+    /// Whether the chunk had a point of this channel.
+    is_used: bool,
+    intensity: u16,
+    angle: u16,
+    user: u8,
+    source: u16,
+    time: u64,
+    /// Last intensity, by place among the returns and change of time.
+    intensities: [u16; 8],
+    intensity_steps: Integer<4>,
+    angle_steps: Integer<2>,
+    users: [Model<16>; 64],
+    source_steps: Integer<1>,
+    times: Time,
+}
+
+impl Attributes {
+    /// A channel without a point.
+    fn new() -> Self {
+        Self {
+            is_used: false,
+            intensity: 0,
+            angle: 0,
+            user: 0,
+            source: 0,
+            time: 0,
+            intensities: [0; 8],
+            intensity_steps: Integer::new(16),
+            angle_steps: Integer::new(16),
+            users: [const { Model::new() }; 64],
+            source_steps: Integer::new(16),
+            times: Time::new(),
+        }
+    }
+
+    /// Begins anew after the point of `record`.
+    fn begin(&mut self, record: &[u8; RECORD]) {
+        self.is_used = true;
+        self.intensity = u16::from_le_bytes([record[12], record[13]]);
+        self.user = record[17];
+        self.angle = u16::from_le_bytes([record[18], record[19]]);
+        self.source = u16::from_le_bytes([record[20], record[21]]);
+        self.time = u64::from_le_bytes(std::array::from_fn(|i| record[22 + i]));
+        self.intensities = [self.intensity; 8];
+        self.intensity_steps.clear();
+        self.angle_steps.clear();
+        self.users.iter_mut().for_each(Model::clear);
+        self.source_steps.clear();
+        self.times.clear();
+    }
+
+    /// Takes in the next point.
+    #[inline(always)]
+    fn next<M: Machine>(&mut self, streams: &mut RestStreams<M>, trace: Trace, returns: Returns) {
+        if let Some(coder) = &mut streams.intensities {
+            self.next_intensity(coder, trace, returns);
+        }
+        if let Some(coder) = &mut streams.angles
+            && trace.has_other_angle()
+        {
+            let step = self.angle_steps.next(coder, usize::from(trace.is_later())).0;
+            self.angle = self.angle.wrapping_add(step as u16);
+        }
+        if let Some(coder) = &mut streams.user_data {
+            let model = &mut self.users[usize::from(self.user >> 2)];
+            self.user = coder.symbol(model.ready(256)) as u8;
+        }
+        if let Some(coder) = &mut streams.sources
+            && trace.has_other_source()
+        {
+            self.source = self.source.wrapping_add(self.source_steps.next(coder, 0).0 as u16);
+        }
+        if let Some(coder) = &mut streams.times
+            && trace.is_later()
+        {
+            self.time = self.times.next::<M, true>(coder, self.time);
+        }
+    }
+
+    #[inline(always)]
+    fn next_intensity<M: Machine>(&mut self, coder: &mut Coder<M>, trace: Trace, returns: Returns) {
+        let place = usize::from(returns.is_first()) << 1 | usize::from(returns.is_last());
+        let step = self.intensity_steps.next(coder, place).0;
+        let last = &mut self.intensities[place << 1 | usize::from(trace.is_later())];
+        *last = last.wrapping_add(step as u16);
+        self.intensity = *last;
+    }
+
+    /// Puts the fields to their places.
+    #[inline(always)]
+    fn put(&self, record: &mut [u8; RECORD]) {
+        record[12..14].copy_from_slice(&self.intensity.to_le_bytes());
+        record[17] = self.user;
+        record[18..20].copy_from_slice(&self.angle.to_le_bytes());
+        record[20..22].copy_from_slice(&self.source.to_le_bytes());
+        record[22..].copy_from_slice(&self.time.to_le_bytes());
+    }
+}
+
+/// The attributes of all channels. They are large: made once per thread, used again and again.
+pub(super) struct Heads {
+    channels: Box<[Attributes; 4]>,
+    current: usize,
+}
+
+impl Heads {
+    #[cold]
+    #[inline(never)]
+    pub(super) fn new() -> Self {
+        let channels: Vec<_> = (0..4).map(|_| Attributes::new()).collect();
+        let channels = channels.into_boxed_slice().try_into();
+        Self { channels: channels.unwrap_or_else(|_| unreachable!()), current: 0 }
+    }
+
+    /// Begins a chunk after a point of `channel`.
+    pub(super) fn begin(&mut self, channel: usize, record: &[u8; RECORD]) {
+        self.channels.iter_mut().for_each(|channel| channel.is_used = false);
+        self.channels[channel & 3].begin(record);
+        self.current = channel;
+    }
+
+    /// Takes in the next point, and puts what it has to its record.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(
+        &mut self,
+        streams: &mut RestStreams<M>,
+        trace: Trace,
+        returns: Returns,
+        record: &mut [u8; RECORD],
+    ) {
+        if trace.channel() != self.current {
+            self.switch(trace.channel());
+        }
+        let channel = &mut self.channels[self.current & 3];
+        channel.next(streams, trace, returns);
+        channel.put(record);
+    }
+
+    /// Goes on to a channel, which begins after the last point of another if it is new.
+    #[inline(never)]
+    fn switch(&mut self, channel: usize) {
+        let mut record = [0; RECORD];
+        self.channels[self.current & 3].put(&mut record);
+        self.current = channel;
+        let channel = &mut self.channels[channel & 3];
+        if !channel.is_used {
+            channel.begin(&record);
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Colours and infrared: what each byte is likely to differ by. The bytes of the last record are what is
+//! remembered.
+
+use super::coder::Coder;
+use super::integer::Integer;
+use super::machine::Machine;
+use super::model::Model;
+
+/// A colour of the first version.
+pub(super) struct OldColour {
+    changes: Model<4>,
+    byte: Integer<6>,
+}
+
+impl OldColour {
+    pub(super) fn new() -> Self {
+        Self { changes: Model::new(), byte: Integer::new(8) }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.changes.clear();
+        self.byte.clear();
+    }
+
+    /// Makes the last colour the next one.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
+        let changes = coder.symbol(self.changes.ready(64));
+        for (number, byte) in colour.iter_mut().enumerate() {
+            if changes >> number & 1 != 0 {
+                *byte = byte.wrapping_add(self.byte.next(coder, number).0 as u8);
+            }
+        }
+    }
+}
+
+/// A colour of the second version and of layered chunks.
+pub(super) struct Colour {
+    changes: Model<8>,
+    bytes: [Model<16>; 6],
+}
+
+impl Colour {
+    /// Stands for a colour that is not grey.
+    const COLOURED: usize = 1 << 6;
+
+    pub(super) fn new() -> Self {
+        Self { changes: Model::new(), bytes: [const { Model::new() }; 6] }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.changes.clear();
+        self.bytes.iter_mut().for_each(Model::clear);
+    }
+
+    /// Makes the last colour the next one.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
+        let changes = coder.symbol(self.changes.ready(128));
+        let last = colour.map(i32::from);
+        let mut read = |byte: usize, expected: i32| match changes >> byte & 1 {
+            0 => last[byte] as u8,
+            _ => {
+                let symbol = coder.symbol(self.bytes[byte].ready(256));
+                (expected.clamp(0, 255) as u8).wrapping_add(symbol as u8)
+            }
+        };
+        let red = [read(0, last[0]), read(1, last[1])];
+        *colour = [red[0], red[1], red[0], red[1], red[0], red[1]];
+        if changes & Self::COLOURED != 0 {
+            // The lower bytes, then the upper ones: green goes as red does, and blue as both do.
+            for half in 0..2 {
+                let red_step = i32::from(red[half]) - last[half];
+                let green = read(2 + half, last[2 + half] + red_step);
+                let step = (red_step + i32::from(green) - last[2 + half]) / 2;
+                colour[2 + half] = green;
+                colour[4 + half] = read(4 + half, last[4 + half] + step);
+            }
+        }
+    }
+}
+
+/// Near infrared.
+pub(super) struct Infrared {
+    changes: Model<1>,
+    bytes: [Model<16>; 2],
+}
+
+impl Infrared {
+    pub(super) fn new() -> Self {
+        Self { changes: Model::new(), bytes: [const { Model::new() }; 2] }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.changes.clear();
+        self.bytes.iter_mut().for_each(Model::clear);
+    }
+
+    /// Makes the last value the next one.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, value: &mut [u8; 2]) {
+        let changes = coder.symbol(self.changes.ready(4));
+        for ((number, byte), model) in value.iter_mut().enumerate().zip(&mut self.bytes) {
+            if changes >> number & 1 != 0 {
+                *byte = byte.wrapping_add(coder.symbol(model.ready(256)) as u8);
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Where the waveform of a point is. The bytes of the last record are what is remembered.
+
+use super::coder::Coder;
+use super::integer::Integer;
+use super::machine::Machine;
+use super::model::Model;
+use super::time::whole;
+
+/// Bytes of a wave packet's place.
+pub(super) const PACKET: usize = 29;
+
+/// A wave packet: descriptor, offset, bytes, place of the return, direction.
+pub(super) struct Packet {
+    descriptor: Model<16>,
+    /// How the offset goes on, by how it went on before.
+    offset: [Model<1>; 4],
+    last: usize,
+    /// By how much the offset went on when that was last told.
+    step: i32,
+    difference: Integer<1>,
+    size: Integer<1>,
+    location: Integer<1>,
+    direction: Integer<3>,
+}
+
+impl Packet {
+    pub(super) fn new() -> Self {
+        Self {
+            descriptor: Model::new(),
+            offset: [const { Model::new() }; 4],
+            last: 0,
+            step: 0,
+            difference: Integer::new(32),
+            size: Integer::new(32),
+            location: Integer::new(32),
+            direction: Integer::new(32),
+        }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.descriptor.clear();
+        self.offset.iter_mut().for_each(Model::clear);
+        (self.last, self.step) = (0, 0);
+        self.difference.clear();
+        self.size.clear();
+        self.location.clear();
+        self.direction.clear();
+    }
+
+    /// Makes the last packet the next one.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, packet: &mut [u8; PACKET]) {
+        let (head, numbers) = packet.split_at_mut(9);
+        let (numbers, _) = numbers.as_chunks_mut::<4>();
+        head[0] = coder.symbol(self.descriptor.ready(256)) as u8;
+        let mut offset = [0; 8];
+        offset.copy_from_slice(&head[1..]);
+        let size = u32::from_le_bytes(numbers[0]);
+        let offset = self.next_offset(coder, u64::from_le_bytes(offset), size);
+        head[1..].copy_from_slice(&offset.to_le_bytes());
+        go(&mut numbers[0], self.size.next(coder, 0).0);
+        go(&mut numbers[1], self.location.next(coder, 0).0);
+        for axis in 0..3 {
+            go(&mut numbers[2 + axis], self.direction.next(coder, axis).0);
+        }
+    }
+
+    /// The offset that follows `offset`, where `size` bytes are.
+    #[inline(always)]
+    fn next_offset<M: Machine>(&mut self, coder: &mut Coder<M>, offset: u64, size: u32) -> u64 {
+        self.last = coder.symbol(self.offset[self.last & 3].ready(4));
+        match self.last {
+            0 => offset,
+            1 => offset.wrapping_add(size.into()),
+            2 => {
+                self.step = self.step.wrapping_add(self.difference.next(coder, 0).0);
+                offset.wrapping_add_signed(self.step.into())
+            }
+            _ => whole(coder),
+        }
+    }
+}
+
+/// Adds to a number.
+#[inline(always)]
+fn go(number: &mut [u8; 4], difference: i32) {
+    *number = i32::from_le_bytes(*number).wrapping_add(difference).to_le_bytes();
+}

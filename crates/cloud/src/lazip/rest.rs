@@ -1,0 +1,137 @@
+//! The layers of a chunk that only whole records need. They are decoded some thousand points at a time,
+//! once it is known of those points where they are and what changes with them.
+
+use super::attributes::Heads;
+use super::body::Body;
+use super::channel::{ANGLE, CHANNEL, RECORD, SOURCE, TIME};
+use super::machine::{Machine, Plain, Work, run};
+use super::returns::Returns;
+use super::schema::Layers;
+use super::streams::RestStreams;
+use super::tails::Tails;
+use super::{Damage, Fields};
+
+/// What the other layers have to know of a point: its scanner channel, and what differs from the point
+/// before it in the channel.
+#[derive(Clone, Copy)]
+pub(super) struct Trace(u8);
+
+impl Trace {
+    /// From the symbol that says what differs.
+    #[inline(always)]
+    pub(super) fn new(changes: usize, channel: usize) -> Self {
+        Self((changes & (CHANNEL | SOURCE | TIME | ANGLE) | channel & 3) as u8)
+    }
+
+    #[inline(always)]
+    fn has(self, change: usize) -> bool {
+        usize::from(self.0) & change != 0
+    }
+
+    #[inline(always)]
+    pub(super) fn channel(self) -> usize {
+        usize::from(self.0 & 3)
+    }
+
+    /// Whether the point before it was in another channel.
+    #[inline(always)]
+    pub(super) fn is_other_channel(self) -> bool {
+        self.has(CHANNEL)
+    }
+
+    /// Whether the time differs.
+    #[inline(always)]
+    pub(super) fn is_later(self) -> bool {
+        self.has(TIME)
+    }
+
+    #[inline(always)]
+    pub(super) fn has_other_angle(self) -> bool {
+        self.has(ANGLE)
+    }
+
+    #[inline(always)]
+    pub(super) fn has_other_source(self) -> bool {
+        self.has(SOURCE)
+    }
+}
+
+/// What is kept from chunk to chunk, to be used again.
+pub(super) struct Room {
+    heads: Heads,
+    tails: Tails,
+}
+
+impl Room {
+    pub(super) fn new() -> Self {
+        Self { heads: Heads::new(), tails: Tails::default() }
+    }
+}
+
+/// The layers on their way, between batches of points.
+pub(super) struct Rest<'d, 'a> {
+    room: &'d mut Room,
+    streams: RestStreams<'a, Plain>,
+    /// Bytes of a record.
+    size: usize,
+}
+
+impl<'d, 'a> Rest<'d, 'a> {
+    /// Begins a chunk whose first point is in `channel`.
+    pub(super) fn new(
+        room: &'d mut Room,
+        body: Body<'a>,
+        layers: &Layers,
+        channel: usize,
+    ) -> Result<Self, Damage> {
+        let (head, tail) = body.record.split_first_chunk().ok_or(Damage::Short)?;
+        room.heads.begin(channel, head);
+        room.tails.begin(layers, channel, tail);
+        Ok(Self { room, size: body.record.len(), streams: body.rest(layers)? })
+    }
+
+    /// Appends the records of the last points of `fields`, of which the traces are.
+    pub(super) fn read(&mut self, traces: &[Trace], fields: &mut Fields) -> Result<(), Damage> {
+        fields.records.reserve(traces.len() * self.size);
+        run(Points(self, traces, fields));
+        self.streams.check(|coder| coder.is_sound())
+    }
+
+    /// Fails unless all streams end here.
+    pub(super) fn end(&self) -> Result<(), Damage> {
+        self.streams.check(|coder| coder.is_all())
+    }
+}
+
+/// Points to be completed.
+struct Points<'r, 'd, 'a>(&'r mut Rest<'d, 'a>, &'r [Trace], &'r mut Fields);
+
+impl Work for Points<'_, '_, '_> {
+    type Result = ();
+
+    #[inline(always)]
+    fn work<M: Machine>(self, _: M) {
+        let Self(Rest { room, streams, .. }, traces, fields) = self;
+        let mut coders = streams.on::<M>();
+        let first = fields.len() - traces.len();
+        for (index, &trace) in (first..).zip(traces) {
+            let mut head = head(fields, index, trace);
+            room.heads.next(&mut coders, trace, Returns(fields.returns[index]), &mut head);
+            fields.records.extend_from_slice(&head);
+            fields.records.extend_from_slice(room.tails.next(&mut coders, trace));
+        }
+        *streams = coders.on();
+    }
+}
+
+/// The shared part of a record, as far as it is known.
+#[inline(always)]
+fn head(fields: &Fields, index: usize, trace: Trace) -> [u8; RECORD] {
+    let mut head = [0; RECORD];
+    head[..12].copy_from_slice(fields.places[index].map(i32::to_le_bytes).as_flattened());
+    head[14] = fields.returns[index];
+    let flags = fields.flags[index];
+    head[15] = flags & 15 | (flags & 0x30) << 2 | (trace.channel() as u8) << 4;
+    head[16] = fields.classes[index];
+    head
+}

@@ -1,0 +1,81 @@
+//! The streams of a layered chunk, and what is wrong with them.
+
+use super::coder::Coder;
+use super::machine::Machine;
+use super::{Damage, Layer};
+
+/// The streams of what grids and meshes need. A stream that is absent leaves its field as it was.
+#[derive(Clone, Copy)]
+pub(super) struct Streams<'a, M> {
+    pub(super) places: Coder<'a, M>,
+    pub(super) heights: Option<Coder<'a, M>>,
+    pub(super) classes: Option<Coder<'a, M>>,
+    pub(super) flags: Option<Coder<'a, M>>,
+}
+
+impl<'a, M: Machine> Streams<'a, M> {
+    /// The same, for another machine.
+    pub(super) fn on<N: Machine>(self) -> Streams<'a, N> {
+        Streams {
+            places: self.places.on(),
+            heights: self.heights.map(Coder::on),
+            classes: self.classes.map(Coder::on),
+            flags: self.flags.map(Coder::on),
+        }
+    }
+
+    /// Says which layer is not `right`, if any is not.
+    pub(super) fn check(&self, right: fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
+        check(Layer::Places, &Some(self.places), right)?;
+        check(Layer::Heights, &self.heights, right)?;
+        check(Layer::Classes, &self.classes, right)?;
+        check(Layer::Flags, &self.flags, right)
+    }
+}
+
+/// The streams of what else there is in whole records.
+pub(super) struct RestStreams<'a, M> {
+    pub(super) intensities: Option<Coder<'a, M>>,
+    pub(super) angles: Option<Coder<'a, M>>,
+    pub(super) user_data: Option<Coder<'a, M>>,
+    pub(super) sources: Option<Coder<'a, M>>,
+    pub(super) times: Option<Coder<'a, M>>,
+    /// Those of what follows the part that all formats share.
+    pub(super) tails: Vec<(Layer, Option<Coder<'a, M>>)>,
+}
+
+impl<'a, M: Machine> RestStreams<'a, M> {
+    /// The same, for another machine.
+    pub(super) fn on<N: Machine>(&self) -> RestStreams<'a, N> {
+        let on = |(layer, coder): &(Layer, Option<Coder<'a, M>>)| (*layer, coder.map(Coder::on));
+        RestStreams {
+            intensities: self.intensities.map(Coder::on),
+            angles: self.angles.map(Coder::on),
+            user_data: self.user_data.map(Coder::on),
+            sources: self.sources.map(Coder::on),
+            times: self.times.map(Coder::on),
+            tails: self.tails.iter().map(on).collect(),
+        }
+    }
+
+    /// Says which layer is not `right`, if any is not.
+    pub(super) fn check(&self, right: fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
+        check(Layer::Intensities, &self.intensities, right)?;
+        check(Layer::Angles, &self.angles, right)?;
+        check(Layer::UserData, &self.user_data, right)?;
+        check(Layer::Sources, &self.sources, right)?;
+        check(Layer::Times, &self.times, right)?;
+        self.tails.iter().try_for_each(|(layer, coder)| check(*layer, coder, right))
+    }
+}
+
+fn check<'a, M>(
+    layer: Layer,
+    coder: &Option<Coder<'a, M>>,
+    right: fn(&Coder<'a, M>) -> bool,
+) -> Result<(), Damage> {
+    match coder {
+        Some(coder) if !right(coder) => Err(Damage::Layer(layer)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,88 @@
+//! What follows the shared part in records of a layered chunk: each layer has a part of it.
+
+use super::Layer;
+use super::follow::Follow;
+use super::machine::Machine;
+use super::rest::Trace;
+use super::schema::Layers;
+use super::streams::RestStreams;
+
+/// The version that takes the first channel for that of every point but those where the channel changes,
+/// and then still goes on from the last values of the channel before, unless the channel is new.
+const ODD_VERSION: u16 = 3;
+
+/// What is kept from chunk to chunk, to be used again.
+#[derive(Default)]
+pub(super) struct Tails {
+    version: u16,
+    /// What `models` decode.
+    layers: Vec<Layer>,
+    /// What is learnt of each layer, by channel; nothing of channels that never were.
+    models: [Vec<Follow>; 4],
+    is_used: [bool; 4],
+    /// The last bytes, by channel.
+    last: [Vec<u8>; 4],
+    current: usize,
+}
+
+impl Tails {
+    /// Begins a chunk after a point of `channel` with these bytes.
+    pub(super) fn begin(&mut self, layers: &Layers, channel: usize, bytes: &[u8]) {
+        if self.layers != layers.layers {
+            self.layers.clone_from(&layers.layers);
+            self.models = Default::default();
+        }
+        self.version = layers.version;
+        self.is_used = [false; 4];
+        self.current = channel;
+        self.begin_channel(channel, bytes);
+    }
+
+    fn begin_channel(&mut self, channel: usize, bytes: &[u8]) {
+        self.is_used[channel & 3] = true;
+        self.last[channel & 3].clear();
+        self.last[channel & 3].extend_from_slice(bytes);
+        let models = &mut self.models[channel & 3];
+        models.iter_mut().for_each(Follow::clear);
+        let missing = self.layers.iter().skip(models.len());
+        models.extend(missing.map(|layer| Follow::of(*layer)));
+    }
+
+    /// The bytes of the next point.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, streams: &mut RestStreams<M>, trace: Trace) -> &[u8] {
+        let last = self.turn(match self.version == ODD_VERSION && !trace.is_other_channel() {
+            true => 0,
+            false => trace.channel(),
+        });
+        let mut rest = &mut self.last[last & 3][..];
+        for (model, (_, coder)) in self.models[self.current & 3].iter_mut().zip(&mut streams.tails)
+        {
+            match coder {
+                Some(coder) => model.next(coder, &mut rest),
+                None => rest = rest.get_mut(model.size()..).unwrap_or_default(),
+            }
+        }
+        &self.last[last & 3]
+    }
+
+    /// Goes on to a channel; returns the one whose last bytes are gone on from.
+    #[inline(always)]
+    fn turn(&mut self, channel: usize) -> usize {
+        match channel == self.current {
+            true => channel,
+            false => self.switch(channel),
+        }
+    }
+
+    #[inline(never)]
+    fn switch(&mut self, channel: usize) -> usize {
+        let before = std::mem::replace(&mut self.current, channel);
+        if !self.is_used[channel & 3] {
+            let bytes = self.last[before & 3].clone();
+            self.begin_channel(channel, &bytes);
+            return channel;
+        }
+        if self.version == ODD_VERSION { before } else { channel }
+    }
+}

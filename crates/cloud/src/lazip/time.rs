@@ -1,0 +1,270 @@
+//! GPS times: the differences between numbers as bits are expected to repeat, or to be a multiple of the
+//! last one.
+
+use super::coder::Coder;
+use super::integer::Integer;
+use super::machine::Machine;
+use super::model::Model;
+
+/// Eight bytes that are stored as they are.
+#[inline(always)]
+pub(super) fn whole<M: Machine>(coder: &mut Coder<M>) -> u64 {
+    let lower = coder.raw(32);
+    u64::from(coder.raw(32)) << 32 | u64::from(lower)
+}
+
+/// A time of the first version.
+pub(super) struct OldTime {
+    multiple: Model<64>,
+    after_same: Model<1>,
+    difference: Integer<6>,
+    last: i32,
+    extremes: u32,
+}
+
+impl OldTime {
+    /// Symbols of `multiple`; the last two are a new time and the same time, and the one before them
+    /// stands for every larger multiple.
+    const MULTIPLES: usize = 512;
+    const LARGEST: usize = Self::MULTIPLES - 3;
+    const WHOLE: usize = Self::LARGEST + 1;
+    const SAME: usize = Self::LARGEST + 2;
+
+    pub(super) fn new() -> Self {
+        Self {
+            multiple: Model::new(),
+            after_same: Model::new(),
+            difference: Integer::new(32),
+            last: 0,
+            extremes: 0,
+        }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.multiple.clear();
+        self.after_same.clear();
+        self.difference.clear();
+        (self.last, self.extremes) = (0, 0);
+    }
+
+    /// The time that follows `time`.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+        match self.last {
+            0 => self.next_after_same(coder, time),
+            last => self.next_multiple(coder, time, last),
+        }
+    }
+
+    #[inline(always)]
+    fn next_after_same<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+        match coder.symbol(self.after_same.ready(3)) {
+            0 => time,
+            1 => {
+                self.last = self.difference.next(coder, 0).0;
+                later(time, self.last)
+            }
+            _ => whole(coder),
+        }
+    }
+
+    #[inline(always)]
+    fn next_multiple<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64, last: i32) -> u64 {
+        let multiple = coder.symbol(self.multiple.ready(Self::MULTIPLES));
+        let (expected, circumstance) = match multiple {
+            0 => (last.wrapping_div(4), 2),
+            1 => (last, 1),
+            2..10 => (last.wrapping_mul(multiple as i32), 3),
+            10..50 => (last.wrapping_mul(multiple as i32), 4),
+            50..=Self::LARGEST => (last.wrapping_mul(multiple as i32), 5),
+            Self::WHOLE => return whole(coder),
+            Self::SAME.. => return time,
+        };
+        let difference = expected.wrapping_add(self.difference.next(coder, circumstance).0);
+        match multiple {
+            1 => (self.last, self.extremes) = (difference, 0),
+            0 | Self::LARGEST => self.extreme(difference),
+            _ => {}
+        }
+        later(time, difference)
+    }
+
+    fn extreme(&mut self, difference: i32) {
+        self.extremes += 1;
+        if self.extremes > 3 {
+            (self.last, self.extremes) = (difference, 0);
+        }
+    }
+}
+
+#[inline(always)]
+fn later(time: u64, difference: i32) -> u64 {
+    time.wrapping_add_signed(difference.into())
+}
+
+/// A time of the second version and of layered chunks: as the first, of four interleaved sequences.
+pub(super) struct Time {
+    multiple: Model<64>,
+    after_same: Model<1>,
+    difference: Integer<9>,
+    /// The last time of each sequence but the current one.
+    times: [u64; 4],
+    /// The last difference of each sequence, and how often it was far off.
+    last: [i32; 4],
+    extremes: [u32; 4],
+    current: usize,
+    newest: usize,
+}
+
+/// The next time of a sequence, or how many sequences to go on by.
+enum Found {
+    Time(u64),
+    Switch(usize),
+}
+
+impl Time {
+    /// Largest multiple; the symbols up to here are multiples, then negative ones follow.
+    const LARGEST: usize = 500;
+    /// Symbol of the multiple -1.
+    const NEGATIVE: usize = Self::LARGEST + 1;
+    /// Symbol of the most negative multiple, and of all below it.
+    const SMALLEST: usize = Self::LARGEST + 10;
+    const SAME: usize = Self::SMALLEST + 1;
+    const WHOLE: usize = Self::SMALLEST + 2;
+    /// Symbols of `multiple`; the last three switch to another sequence.
+    const MULTIPLES: usize = Self::SMALLEST + 6;
+    /// Symbols of `after_same`, likewise.
+    const AFTER_SAME: usize = 6;
+
+    pub(super) fn new() -> Self {
+        Self {
+            multiple: Model::new(),
+            after_same: Model::new(),
+            difference: Integer::new(32),
+            times: [0; 4],
+            last: [0; 4],
+            extremes: [0; 4],
+            current: 0,
+            newest: 0,
+        }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.multiple.clear();
+        self.after_same.clear();
+        self.difference.clear();
+        (self.times, self.last, self.extremes) = ([0; 4], [0; 4], [0; 4]);
+        (self.current, self.newest) = (0, 0);
+    }
+
+    /// The time that follows `time`. Whether it is the same has a symbol unless it `IS_OTHER`.
+    #[inline(always)]
+    pub(super) fn next<M: Machine, const IS_OTHER: bool>(
+        &mut self,
+        coder: &mut Coder<M>,
+        time: u64,
+    ) -> u64 {
+        let mut last_time = time;
+        // An encoder switches once at most.
+        for _ in 0..2 {
+            let found = match self.last[self.current & 3] {
+                0 => self.next_after_same::<M, IS_OTHER>(coder, last_time),
+                last => self.next_multiple::<M, IS_OTHER>(coder, last_time, last),
+            };
+            match found {
+                Found::Time(time) => return time,
+                Found::Switch(by) => {
+                    self.times[self.current & 3] = last_time;
+                    self.current = (self.current + by) & 3;
+                    last_time = self.times[self.current & 3];
+                }
+            }
+        }
+        coder.doubt();
+        last_time
+    }
+
+    /// The next time of a sequence that stood still.
+    #[inline(always)]
+    fn next_after_same<M: Machine, const IS_OTHER: bool>(
+        &mut self,
+        coder: &mut Coder<M>,
+        time: u64,
+    ) -> Found {
+        let left_out = usize::from(IS_OTHER);
+        let symbol = coder.symbol(self.after_same.ready(Self::AFTER_SAME - left_out)) + left_out;
+        Found::Time(match symbol {
+            0 => time,
+            1 => {
+                let difference = self.difference.next(coder, 0).0;
+                self.last[self.current & 3] = difference;
+                self.extremes[self.current & 3] = 0;
+                later(time, difference)
+            }
+            2 => self.begin(coder, time),
+            _ => return Found::Switch(symbol - 2),
+        })
+    }
+
+    /// The next time of a sequence whose last difference was `last`.
+    #[inline(always)]
+    fn next_multiple<M: Machine, const IS_OTHER: bool>(
+        &mut self,
+        coder: &mut Coder<M>,
+        time: u64,
+        last: i32,
+    ) -> Found {
+        let left_out = usize::from(IS_OTHER);
+        let mut symbol = coder.symbol(self.multiple.ready(Self::MULTIPLES - left_out));
+        symbol += if symbol < Self::SAME { 0 } else { left_out };
+        let circumstance = match symbol {
+            0 => 7,
+            1 => 1,
+            2..10 => 2,
+            10..Self::LARGEST => 3,
+            Self::LARGEST => 4,
+            Self::NEGATIVE..Self::SMALLEST => 5,
+            Self::SMALLEST => 6,
+            Self::SAME => return Found::Time(time),
+            Self::WHOLE => return Found::Time(self.begin(coder, time)),
+            _ => return Found::Switch(symbol - Self::WHOLE),
+        };
+        let multiple = match symbol <= Self::LARGEST {
+            true => symbol as i32,
+            false => Self::LARGEST as i32 - symbol as i32,
+        };
+        let step = self.difference.next(coder, circumstance).0;
+        let difference = last.wrapping_mul(multiple).wrapping_add(step);
+        match symbol {
+            1 => self.extremes[self.current & 3] = 0,
+            0 | Self::LARGEST | Self::SMALLEST => self.extreme(difference),
+            _ => {}
+        }
+        Found::Time(later(time, difference))
+    }
+
+    /// Takes in a difference that is far from those expected.
+    #[inline(always)]
+    fn extreme(&mut self, difference: i32) {
+        let extremes = &mut self.extremes[self.current & 3];
+        *extremes += 1;
+        if *extremes > 3 {
+            *extremes = 0;
+            self.last[self.current & 3] = difference;
+        }
+    }
+
+    /// Begins a new sequence in place of the oldest; returns its first time.
+    #[inline(always)]
+    fn begin<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+        let upper = ((time >> 32) as u32).wrapping_add_signed(self.difference.next(coder, 8).0);
+        self.times[self.current & 3] = time;
+        self.newest = (self.newest + 1) & 3;
+        self.current = self.newest;
+        self.last[self.current & 3] = 0;
+        self.extremes[self.current & 3] = 0;
+        u64::from(upper) << 32 | u64::from(coder.raw(32))
+    }
+}

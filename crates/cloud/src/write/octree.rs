@@ -1,0 +1,64 @@
+//! The records of an octree (COPC 1.0): the cube around all points, and where the points of each node are.
+
+use super::Vlr;
+use super::tally::Tally;
+
+const USER: &str = "copc";
+const INFO: u16 = 1;
+const HIERARCHY: u16 = 1000;
+/// Bytes of the head of a record behind the points.
+const HEAD: u64 = 60;
+/// Numbers that are not used yet, in the record of the cube.
+const RESERVED: usize = 11;
+
+/// A node: its level, and which one along x, y and z.
+pub type Key = [i32; 4];
+
+/// The cube around all points, and how many cells along a side its root takes points from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cube {
+    /// Lowest corner, in world units.
+    pub low: [f64; 3],
+    /// Length of a side.
+    pub side: f64,
+    /// Cells along a side of each node.
+    pub cells: u32,
+}
+
+/// Nodes with points, in the order they were written.
+#[derive(Debug, Default)]
+pub(super) struct Nodes(Vec<(Key, [u64; 3])>);
+
+impl Nodes {
+    /// Adds a node at so many bytes from the file's begin, of so many bytes and points.
+    pub(super) fn push(&mut self, key: Key, place: [u64; 3]) {
+        self.0.push((key, place));
+    }
+
+    /// The record that says where nodes are.
+    pub(super) fn hierarchy(&self) -> Vlr {
+        let mut nodes = self.0.clone();
+        nodes.sort_unstable();
+        let entry = |(key, [at, bytes, points]): (Key, [u64; 3])| {
+            let mut entry = key.map(i32::to_le_bytes).concat();
+            entry.extend_from_slice(&at.to_le_bytes());
+            entry.extend([bytes, points].iter().flat_map(|count| (*count as i32).to_le_bytes()));
+            entry
+        };
+        let data = nodes.into_iter().flat_map(entry).collect();
+        Vlr { user: USER.into(), number: HIERARCHY, about: "EPT hierarchy".into(), data }
+    }
+}
+
+/// The record of the cube, in a file whose hierarchy is the first record behind the points.
+pub(super) fn info(cube: &Cube, tally: &Tally, (behind_at, bytes): (u64, u64)) -> Vlr {
+    let half = cube.side / 2.0;
+    let middle = cube.low.map(|low| low + half);
+    let spacing = cube.side / f64::from(cube.cells);
+    let mut data: Vec<u8> =
+        middle.into_iter().chain([half, spacing]).flat_map(f64::to_le_bytes).collect();
+    data.extend([behind_at + HEAD, bytes].iter().flat_map(|number| number.to_le_bytes()));
+    data.extend(tally.times().iter().flat_map(|time| time.to_le_bytes()));
+    data.resize(data.len() + RESERVED * 8, 0);
+    Vlr { user: USER.into(), number: INFO, about: "COPC info VLR".into(), data }
+}

@@ -1,0 +1,155 @@
+//! Records as lines of text: a heading with the names of the columns, and a line for each point.
+
+use std::fmt::Write as _;
+
+use crate::format::PointFormat;
+use crate::write::ANGLES;
+use terrane_base::geom::{Frame, Ruler};
+
+/// What is in a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Value {
+    /// Some bits of a byte: the lowest, and how many.
+    Bits(u32, u32),
+    Unsigned(usize),
+    Signed(usize),
+    Float(usize),
+    /// A step of scan angles, in degrees.
+    Angle,
+}
+
+/// A column: its name, where its value is in a record, and the value, to be multiplied and added to.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Column {
+    pub(crate) name: String,
+    pub(crate) at: usize,
+    pub(crate) value: Value,
+    pub(crate) scale: Option<[f64; 2]>,
+}
+
+/// Columns behind the coordinates that formats before 6 have, and those from 6 on; those of both.
+const OLD: [(&str, usize, Value); 11] = [
+    ("intensity", 12, Value::Unsigned(2)),
+    ("return_number", 14, Value::Bits(0, 3)),
+    ("number_of_returns", 14, Value::Bits(3, 3)),
+    ("scan_direction", 14, Value::Bits(6, 1)),
+    ("edge_of_flight_line", 14, Value::Bits(7, 1)),
+    ("classification", 15, Value::Bits(0, 5)),
+    ("synthetic", 15, Value::Bits(5, 1)),
+    ("key_point", 15, Value::Bits(6, 1)),
+    ("withheld", 15, Value::Bits(7, 1)),
+    ("scan_angle", 16, Value::Signed(1)),
+    ("user_data", 17, Value::Unsigned(1)),
+];
+const NEW: [(&str, usize, Value); 13] = [
+    ("intensity", 12, Value::Unsigned(2)),
+    ("return_number", 14, Value::Bits(0, 4)),
+    ("number_of_returns", 14, Value::Bits(4, 4)),
+    ("synthetic", 15, Value::Bits(0, 1)),
+    ("key_point", 15, Value::Bits(1, 1)),
+    ("withheld", 15, Value::Bits(2, 1)),
+    ("overlap", 15, Value::Bits(3, 1)),
+    ("scanner_channel", 15, Value::Bits(4, 2)),
+    ("scan_direction", 15, Value::Bits(6, 1)),
+    ("edge_of_flight_line", 15, Value::Bits(7, 1)),
+    ("classification", 16, Value::Unsigned(1)),
+    ("user_data", 17, Value::Unsigned(1)),
+    ("scan_angle", 18, Value::Angle),
+];
+
+/// How records become lines.
+#[derive(Clone, Debug)]
+pub struct Lines {
+    rulers: [Ruler; 3],
+    columns: Vec<Column>,
+    /// Bytes of a record.
+    size: usize,
+}
+
+impl Lines {
+    /// For records of a format, with columns of extra bytes.
+    pub(crate) fn new(format: PointFormat, frame: &Frame, extra: &[Column], size: usize) -> Self {
+        let places = format.places();
+        let column = |(name, at, value): (&str, usize, Value)| Column {
+            name: name.into(),
+            at,
+            value,
+            scale: None,
+        };
+        let (own, source): (&[_], _) = if format.is_new() { (&NEW, 20) } else { (&OLD, 18) };
+        let colours = ["red", "green", "blue"].into_iter().enumerate();
+        let colours = places.colour.into_iter().flat_map(|at| {
+            colours.clone().map(move |(i, name)| (name, at + 2 * i, Value::Unsigned(2)))
+        });
+        let more = [("point_source_id", source, Value::Unsigned(2))]
+            .into_iter()
+            .chain(places.time.map(|at| ("gps_time", at, Value::Float(8))))
+            .chain(colours)
+            .chain(places.infrared.map(|at| ("infrared", at, Value::Unsigned(2))));
+        let columns = own.iter().copied().chain(more).map(column).chain(extra.iter().cloned());
+        Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), columns: columns.collect(), size }
+    }
+
+    /// The first line.
+    pub fn heading(&self) -> String {
+        let names =
+            self.columns.iter().map(|column| column.name.replace([',', '"', '\n', '\r'], " "));
+        let names: Vec<String> =
+            ["x", "y", "z"].map(str::to_owned).into_iter().chain(names).collect();
+        names.join(",") + "\n"
+    }
+
+    /// A line for each record.
+    pub fn lines(&self, records: &[u8]) -> String {
+        let mut text = String::with_capacity(records.len() * 3);
+        for record in records.chunks_exact(self.size) {
+            let (fours, _) = record.as_chunks::<4>();
+            for (ruler, four) in self.rulers.iter().zip(fours) {
+                put(&mut text, ruler.at(i32::from_le_bytes(*four).into()));
+            }
+            for column in &self.columns {
+                column.put(record, &mut text);
+            }
+            text.pop();
+            text.push('\n');
+        }
+        text
+    }
+}
+
+impl Column {
+    fn put(&self, record: &[u8], text: &mut String) {
+        let bytes = &record[self.at..];
+        let word = |count: usize| {
+            let mut word = [0; 8];
+            word[..count].copy_from_slice(&bytes[..count]);
+            u64::from_le_bytes(word)
+        };
+        let signed = |count: usize| {
+            let unused = 64 - 8 * count as u32;
+            (word(count) << unused).cast_signed() >> unused
+        };
+        let number = match self.value {
+            Value::Bits(first, count) => {
+                return put(text, bytes[0] >> first & ((1 << count) - 1) as u8);
+            }
+            Value::Unsigned(count) if self.scale.is_none() => return put(text, word(count)),
+            Value::Signed(count) if self.scale.is_none() => return put(text, signed(count)),
+            Value::Unsigned(count) => word(count) as f64,
+            Value::Signed(count) => signed(count) as f64,
+            Value::Float(4) if self.scale.is_none() => {
+                return put(text, f32::from_bits(word(4) as u32));
+            }
+            Value::Float(4) => f32::from_bits(word(4) as u32).into(),
+            Value::Float(_) => f64::from_bits(word(8)),
+            Value::Angle => return put(text, f32::from(signed(2) as i16) * ANGLES),
+        };
+        let [scale, offset] = self.scale.unwrap_or([1.0, 0.0]);
+        put(text, number * scale + offset);
+    }
+}
+
+fn put(text: &mut String, value: impl std::fmt::Display) {
+    // Text in memory takes all that is written to it.
+    let _ = write!(text, "{value},");
+}

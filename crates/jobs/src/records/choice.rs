@@ -1,0 +1,203 @@
+//! Which of some points that belong together is kept: thinning by cells, and points that are there twice.
+//!
+//! All records pass twice: first a mark of each, by groups, tells which one is the best of its group; then those that
+//! are not are left out. So points keep their order, and of equally good ones the first is kept.
+
+use std::collections::HashMap;
+use std::sync::Mutex;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{Flow, Records, Take};
+use crate::plan::At;
+use terrane_base::bits::BitSet;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point;
+use terrane_files::{Buckets, lock};
+
+/// Says which group a record is of, and how good it is there: the least rank is best.
+pub(crate) trait Choice: Sync {
+    fn mark(&self, record: &[u8]) -> (Group, Rank);
+}
+
+/// What is the same of all points of a group.
+pub(crate) type Group = [u64; 3];
+/// From the best on, compared number by number.
+pub(crate) type Rank = [u64; 2];
+
+/// A record's mark.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Mark {
+    group: Group,
+    rank: Rank,
+    /// Number of the record.
+    number: u64,
+}
+
+/// Bytes of marks that a bucket is meant to hold.
+const BUCKET_BYTES: u64 = 4 << 20;
+/// Bytes that a group takes while the best of a bucket are found.
+const GROUP_BYTES: u64 = 2 * size_of::<(Group, (Rank, u64))>() as u64;
+const MOST_BUCKETS: u64 = 1 << 14;
+
+/// Buckets for the marks of so many points.
+fn buckets(points: u64) -> u64 {
+    (points * size_of::<Mark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS)
+}
+
+/// Bytes of memory that choosing from so many points needs: a bit for each, and the groups of a bucket with a
+/// quarter more, as some have more than others.
+pub(crate) fn needed(points: u64) -> u64 {
+    points / 8 + points / buckets(points) * GROUP_BYTES * 5 / 4 + BUCKET_BYTES
+}
+
+/// Records without those that were not chosen.
+pub(crate) struct Chosen<'a> {
+    records: &'a dyn Records,
+    record: usize,
+    kept: BitSet,
+    /// Number of the first record of each unit.
+    firsts: Vec<u64>,
+}
+
+impl<'a> Chosen<'a> {
+    /// Looks at all records once; marks may take so many bytes of memory, and go to `folder` beyond it.
+    pub(crate) fn new(
+        records: &'a dyn Records,
+        choice: &dyn Choice,
+        (flow, memory, folder): (Flow, u64, &std::path::Path),
+        at: At<'_>,
+    ) -> Result<Self> {
+        let points: u64 = (0..records.units()).map(|unit| records.points(unit)).sum();
+        let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
+        let buckets = Buckets::new(folder, count as usize, left / 4);
+        let counts = Mutex::new(vec![0; records.units()]);
+        let counted = Counted { records, record: flow.record, counts: &counts };
+        let mut number = 0;
+        flow.run(&counted, at, &mut |bytes| {
+            for record in bytes.chunks_exact(flow.record) {
+                let (group, rank) = choice.mark(record);
+                let bucket = (mixed(&group) % count) as usize;
+                buckets.push(bucket, &[Mark { group, rank, number }])?;
+                number += 1;
+            }
+            Ok(())
+        })?;
+        let kept = best(&buckets, count as usize, (number, left), at)?;
+        let counts = counts.into_inner().unwrap_or_default();
+        let firsts = counts.iter().scan(0, |sum, count| {
+            let first = *sum;
+            *sum += count;
+            Some(first)
+        });
+        Ok(Self { records, record: flow.record, kept, firsts: firsts.collect() })
+    }
+}
+
+impl Records for Chosen<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.records.points(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let (mut number, mut chosen) = (self.firsts[unit] as usize, Vec::new());
+        self.records.read(unit, &mut |bytes| {
+            chosen.clear();
+            for record in bytes.chunks_exact(self.record) {
+                if self.kept.contains(number) {
+                    chosen.extend_from_slice(record);
+                }
+                number += 1;
+            }
+            take(&chosen)
+        })
+    }
+}
+
+/// Counts the records of each unit as they pass.
+struct Counted<'a> {
+    records: &'a dyn Records,
+    record: usize,
+    counts: &'a Mutex<Vec<u64>>,
+}
+
+impl Records for Counted<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.records.points(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let mut count = 0;
+        self.records.read(unit, &mut |bytes| {
+            count += (bytes.len() / self.record) as u64;
+            take(bytes)
+        })?;
+        lock(self.counts)[unit] = count;
+        Ok(())
+    }
+}
+
+/// The numbers of the best of each group.
+fn best(
+    buckets: &Buckets<Mark>,
+    count: usize,
+    (numbers, memory): (u64, u64),
+    at: At<'_>,
+) -> Result<BitSet> {
+    let mut kept = BitSet::new(numbers as usize);
+    for bucket in 0..count {
+        at.cancel.check()?;
+        let mut best: HashMap<Group, (Rank, u64)> = HashMap::new();
+        buckets.try_read(bucket, |marks| {
+            for Mark { group, rank, number } in marks {
+                let one = best.entry(*group).or_insert((*rank, *number));
+                *one = (*one).min((*rank, *number));
+            }
+            match best.len() as u64 * GROUP_BYTES > memory {
+                true => Err(too_many(best.len(), memory)),
+                false => Ok(()),
+            }
+        })?;
+        buckets.forget(bucket);
+        best.values().for_each(|(_, number)| {
+            kept.insert(*number as usize);
+        });
+    }
+    Ok(kept)
+}
+
+fn too_many(groups: usize, memory: u64) -> Error {
+    let message = format!("{groups} cells or places are to be compared in {} MiB", memory >> 20);
+    Error::new(ErrorKind::Resource, message).remedy("pass a larger --memory")
+}
+
+/// Bits of a group that look like any (splitmix64, Steele et al. 2014).
+pub(crate) fn mixed(words: &[u64]) -> u64 {
+    words.iter().fold(0, |seed, word| {
+        let mut x = (seed ^ word).wrapping_add(0x9E37_79B9_7F4A_7C15);
+        x = (x ^ x >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        x = (x ^ x >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        x ^ x >> 31
+    })
+}
+
+/// Where a record lies.
+pub(crate) fn place(record: &[u8]) -> Point {
+    let (fours, _) = record.as_chunks::<4>();
+    let [x, y, z] = [0, 1, 2].map(|axis| i32::from_le_bytes(fours[axis]));
+    Point { x, y, z }
+}
+
+/// A signed number as one that is ordered alike.
+pub(crate) fn ordered(value: i32) -> u64 {
+    u64::from(value as u32 ^ 1 << 31)
+}

@@ -1,0 +1,241 @@
+//! Tiles of a cloud: a model of its ground is made first, as `grid` makes it, and the tiles are those of the model.
+
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+
+use super::{TilesJob, TilesReport};
+use crate::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
+use crate::grid::{self, GridJob, GroundFrom, Placement, Preset};
+use crate::plan::DiskCheck;
+use crate::sift::Skipped;
+use crate::{Cancel, Progress, Resources};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{self as cloud, CloudInfo, OpenOptions};
+use terrane_files::atomic::refuse_existing;
+use terrane_files::{folder_for, name_of, path_of};
+use terrane_raster::Inputs;
+
+/// The format of a model: all that is known of a grid, in blocks that are mapped.
+const FORMAT: &str = "store";
+/// What is made in a folder for work: the model, and the tiles.
+const PARTS: [&str; 2] = ["model", "tiles"];
+/// The file of a model.
+const MODEL: &str = "model.tif";
+/// Sides of cells are one of these, times a power of ten.
+const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
+
+/// The model of the ground of a cloud.
+#[derive(Clone, Debug)]
+pub struct GroundModel {
+    /// Files, folders, patterns or lists of clouds.
+    pub input: Vec<String>,
+    /// How they are read.
+    pub cloud: OpenOptions,
+    /// Sides of a cell (x, y), in world units; about the distance between points when `None`.
+    pub cell: Option<[f64; 2]>,
+    /// Which points are ground.
+    pub ground: GroundFrom,
+}
+
+/// Where what is done is kept, and how it is gone on with.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// Files that are left out of the cloud.
+    pub skipped: &'a [Skipped],
+    /// Whether there has to be room on disk.
+    pub disk: DiskCheck,
+}
+
+/// A model that is made: it goes with this, unless it is kept in a folder for work.
+pub(crate) struct Made {
+    /// Called what the cloud is.
+    pub(crate) inputs: Inputs,
+    path: PathBuf,
+    /// What it was made of, and what is to be said of that.
+    pub(crate) notes: Vec<String>,
+    _temporary: Option<TempDir>,
+}
+
+/// Makes tiles of a cloud; the input of the job is not looked at. Nothing appears under the output's name unless it
+/// succeeds. With a folder for work both the model and the tiles go on where they were, if they were killed.
+///
+/// # Errors
+/// Those of [`grid::run`] and [`run`](super::run); a cloud whose place on the globe is not known; a folder for work
+/// without saying which points are ground, as a filter looks at the whole cloud at once.
+pub fn run_cloud(
+    model: &GroundModel,
+    job: &TilesJob,
+    kept: Option<Kept<'_>>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesReport> {
+    super::check_formats(job)?;
+    let resources = &job.resources;
+    let made = match kept {
+        None => {
+            refuse_existing(&job.output, job.overwrite)?;
+            model.make(&job.output, resources, progress, cancel)?
+        }
+        Some(kept) => model.keep(kept, resources, progress, cancel)?,
+    };
+    let tiles = TilesJob { input: made.inputs.clone(), ..job.clone() };
+    let report = match kept {
+        None => super::run(&tiles, progress, cancel),
+        Some(Kept { folder, disk, .. }) => {
+            super::run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
+        }
+    };
+    let report = report.map_err(|error| made.renamed(error))?;
+    Ok(TilesReport { notes: [made.notes, report.notes].concat(), ..report })
+}
+
+impl GroundModel {
+    fn made(&self, path: PathBuf, notes: Vec<String>, temporary: Option<TempDir>) -> Result<Made> {
+        let label = Inputs::from(self.input.clone()).to_string();
+        let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
+        Ok(Made { inputs, path, notes, _temporary: temporary })
+    }
+
+    /// Makes the model in a folder that goes with it, beside `output`.
+    pub(crate) fn make(
+        &self,
+        output: &Path,
+        resources: &Resources,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Made> {
+        let folder = folder_for(output, resources.temp_dir.as_deref());
+        let job = self.job(resources)?;
+        let temporary = tempfile::Builder::new()
+            .prefix(".terrane-")
+            .tempdir_in(folder)
+            .map_err(|e| Error::write(folder, e))?;
+        let path = temporary.path().join(MODEL);
+        let made = grid::run(&GridJob { output: path.clone(), ..job }, progress, cancel)?;
+        self.made(path, made.notes, Some(temporary))
+    }
+
+    /// Makes the model by a plan in a folder, or finds it made there.
+    fn keep(
+        &self,
+        kept: Kept<'_>,
+        resources: &Resources,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Made> {
+        let job = self.job(resources)?;
+        if self.ground != GroundFrom::Class && self.cloud.filter.classes.is_none() {
+            return Err(Error::usage(
+                "with --workdir it has to be said which points are ground: a filter looks at the whole cloud at once",
+            )
+            .remedy("pass --class 2, or leave out --workdir"));
+        }
+        let folder = kept.folder.join(PARTS[0]);
+        std::fs::create_dir_all(&folder).map_err(|e| Error::write(&folder, e))?;
+        // What a preset makes of classes is their triangulation.
+        let mut cloud = job.cloud.clone();
+        cloud.filter.classes.get_or_insert_with(|| vec![grid::GROUND]);
+        let job = GridJob { preset: None, ground: GroundFrom::Auto, cloud, ..job };
+        let path = folder.join(MODEL);
+        let plan = PlanGridJob {
+            job: GridJob { output: path.clone(), overwrite: true, ..job },
+            folder: folder.clone(),
+            cut: None,
+            skipped: kept.skipped.to_vec(),
+        };
+        plan_grid(&plan, progress, cancel)?;
+        let run = RunGridJob {
+            folder,
+            task: None,
+            output: Some(path.clone()),
+            overwrite: true,
+            form: (),
+            disk: kept.disk,
+            resources: resources.clone(),
+        };
+        run_grid(&run, progress, cancel)?;
+        self.made(path, Vec::new(), None)
+    }
+
+    /// The job that makes it; its output is left to be named.
+    ///
+    /// # Errors
+    /// A cloud that cannot be opened, that does not say where it lies, or whose points are too few to tell how far
+    /// apart they are.
+    fn job(&self, resources: &Resources) -> Result<GridJob> {
+        let of_cloud = |error: Error| match &self.input[..] {
+            [name] => error.in_file(&path_of(name)),
+            _ => error,
+        };
+        let source = cloud::source(&self.input, &self.cloud)?;
+        let info = source.info();
+        if info.crs.is_unknown() {
+            let error = Error::bad_input("does not say where on the globe it lies");
+            return Err(of_cloud(error.remedy("name its reference system: --crs EPSG:2154")));
+        }
+        let cell = self.cell.map_or_else(|| usual_cell(info).map(|side| [side; 2]), Ok);
+        let cell = cell.map_err(of_cloud)?;
+        let model = GridJob::of_preset(self.input.clone(), PathBuf::new(), Preset::Dtm, 1.0);
+        Ok(GridJob {
+            cloud: self.cloud.clone(),
+            format: Some(FORMAT.to_owned()),
+            ground: self.ground,
+            placement: Placement::new(cell),
+            resources: resources.clone(),
+            ..model
+        })
+    }
+}
+
+impl Made {
+    /// An error about the model as one about the cloud.
+    pub(crate) fn renamed(&self, error: Error) -> Error {
+        match error.path() {
+            Some(path) if path == self.path => error.renamed(Path::new(&self.inputs.to_string())),
+            _ => error,
+        }
+    }
+}
+
+/// The side of a cell, where none is asked for: what one point has of the area of all, as the headers have both,
+/// rounded up.
+fn usual_cell(info: &CloudInfo) -> Result<f64> {
+    let unknown = || {
+        Error::usage("it cannot be told how far apart the points are")
+            .remedy("pass --cell, the side of a cell of the model")
+    };
+    let [low, high] = info.bounds.ok_or_else(unknown)?.map(|end| info.frame.world(end));
+    let area = (high[0] - low[0]) * (high[1] - low[1]);
+    let apart = (area / info.count as f64).sqrt();
+    if !apart.is_normal() {
+        return Err(unknown());
+    }
+    let power = 10_f64.powf(apart.log10().floor());
+    let side = ROUND.into_iter().map(|step| step * power).find(|side| *side >= apart);
+    side.ok_or_else(unknown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::{Frame, Point};
+
+    #[test]
+    fn cells_are_as_wide_as_points_are_apart() {
+        let cell = |count: u64, [width, height]: [i32; 2]| {
+            let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
+            let bounds = [[0, 0, 0], [width, height, 7]].map(|[x, y, z]| Point { x, y, z });
+            let info = CloudInfo { frame, bounds: Some(bounds), count, crs: Default::default() };
+            usual_cell(&info).ok()
+        };
+        assert_eq!(cell(10_000, [10_000, 10_000]), Some(1.0));
+        assert_eq!(cell(9_999, [10_000, 10_000]), Some(2.0));
+        assert_eq!(cell(80_000, [10_000, 10_000]), Some(0.5));
+        assert_eq!(cell(400, [10_000, 10_000]), Some(5.0));
+        assert_eq!(cell(0, [10_000, 10_000]), None);
+        assert_eq!(cell(5, [0, 10_000]), None);
+    }
+}

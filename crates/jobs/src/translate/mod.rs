@@ -1,0 +1,381 @@
+//! Clouds into files of points: filtered, thinned and merged; one file, or one for each square.
+//!
+//! ```text
+//! files, sorted ── parts ── records of one format ──[marks ── best of each group]── in order ── chunks ── file
+//! ```
+//!
+//! Whatever is asked for, points stay in the order of files and of points in them, so the bytes depend on neither
+//! threads nor memory. What needs to know of other points looks at all first (`choice`).
+
+mod carried;
+mod moved;
+mod octree;
+mod squares;
+mod thin;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::figures::Figures;
+use crate::input::workers;
+use crate::memory::PROGRAM;
+use crate::plan::At;
+use crate::records::choice::{Choice, Chosen, needed};
+use crate::records::{Flow, Packer, Records};
+use crate::transform::{Transform, Transformed};
+use crate::{Cancel, Progress, Resources};
+use carried::CarriedRecords;
+use moved::{Move, MovedRecords};
+pub use squares::{BufferMark, Squares};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
+use terrane_cloud::{Carrier, Census, CloudInfo, OpenOptions, PointFormat, PointSource};
+use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
+use terrane_files::{folder_for, path_of};
+pub use thin::{KEPT, Keep, Thin};
+
+/// Clouds to be written as one.
+#[derive(Clone, Debug)]
+pub struct TranslateJob {
+    /// File names, folders, patterns, lists.
+    pub input: Vec<String>,
+    /// How they are read, and which points.
+    pub cloud: OpenOptions,
+    /// LAS, LAZ or COPC file to write, or a folder of the first two.
+    pub output: PathBuf,
+    /// Format of its points; the first that holds all fields of all files when `None`.
+    pub format: Option<PointFormat>,
+    /// Keep one point of those of one place and time.
+    pub dedupe: bool,
+    /// Keep one point of each cell.
+    pub thin: Option<Thin>,
+    /// The system that they are to be in.
+    pub transform: Option<Transform>,
+    /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
+    pub squares: Option<(Squares, bool)>,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+impl TranslateJob {
+    /// The job with everything else at its default.
+    pub fn new(input: Vec<String>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            input,
+            cloud: OpenOptions::default(),
+            output: output.into(),
+            format: None,
+            dedupe: false,
+            thin: None,
+            transform: None,
+            squares: None,
+            overwrite: false,
+            resources: Resources::default(),
+        }
+    }
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct TranslateReport {
+    pub input: String,
+    pub output: String,
+    pub point_format: u8,
+    /// What became of the points that were read.
+    pub census: Census,
+    /// Files written.
+    pub files: u64,
+    /// Points written; those of buffers are so in several files.
+    pub points: u64,
+    pub crs: String,
+    /// What was done to places.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
+    pub output_bytes: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+    pub points_per_second: f64,
+    pub notes: Vec<String>,
+}
+
+/// Memory of a thread for reading, beside the records it hands on; and more for each extra byte, as a compressed one
+/// has models of its own in every channel of a scanner.
+const READING: u64 = 4 << 20;
+const READING_EXTRA: u64 = 4 << 10;
+/// Chunks that a thread holds while it packs one: its records, the same compressed, and the compressor's.
+const PACKING: u64 = 4;
+/// Most bytes of the records of a round, for each thread.
+const ROUND: u64 = 16 << 20;
+
+/// Lines that a thread makes at a time.
+const LINES: usize = 4096;
+/// Least memory for records that are put into columns or squares.
+const SPREAD: u64 = 32 << 20;
+
+/// How the memory is divided.
+struct Shares {
+    threads: usize,
+    flow: Flow,
+    /// Bytes for what is looked at before.
+    marks: u64,
+}
+
+impl Shares {
+    /// For records of so many bytes, some of them extra, beside so many that what is looked at before needs.
+    fn new(resources: &Resources, (record, extra): (usize, usize), needed: u64) -> Result<Self> {
+        let chunk = (CHUNK * record) as u64;
+        let worker = READING + READING_EXTRA * extra as u64 + PACKING * chunk;
+        let least = PROGRAM + worker + 4 * chunk + needed;
+        let Some(rest) = resources.memory.checked_sub(least) else {
+            let message = format!("the memory budget of {} bytes is too small", resources.memory);
+            return Err(Error::new(ErrorKind::Resource, message)
+                .remedy(format!("pass --memory {}M or more", least.div_ceil(1 << 20))));
+        };
+        let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
+        let rest = rest - worker * (threads as u64 - 1);
+        let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
+        Ok(Self { threads, flow: Flow { record, round }, marks: needed + rest / 2 })
+    }
+
+    /// For the columns of an octree: bytes of one that is held, and of all that wait.
+    fn columns(&self) -> [u64; 2] {
+        [self.marks / 32, self.marks / 4]
+    }
+}
+
+/// Writes the points. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// An output that exists, cannot be created, or is of no known ending; files that do not go into one; what the
+/// format cannot hold of a point; too little memory.
+pub fn run(
+    job: &TranslateJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TranslateReport> {
+    let (start, at) = (Instant::now(), At { progress, cancel });
+    refuse_existing(&job.output, job.overwrite)?;
+    let packing = job.packing()?;
+    let cloud = terrane_cloud::open(&job.input, &job.cloud)?;
+    let carrier = Carrier::new(&cloud, job.format, packing)?;
+    let needed = job.needed(packing, cloud.info().count);
+    let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
+    let threads = shares.threads;
+    let moved = job.moved(carrier.info())?;
+    let info = moved.as_ref().map_or(carrier.info(), |moved| &moved.info);
+    let file = carrier.file(info.frame, info.crs.clone());
+    let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
+    let source = CarriedRecords::new(&cloud, &carrier);
+    let work = Work {
+        job,
+        cells: carrier.info(),
+        info,
+        moved: moved.as_ref(),
+        carrier: &carrier,
+        options,
+        shares,
+        at,
+    };
+    let resources = Resources { threads, ..job.resources.clone() };
+    let made = workers(&resources)?.install(|| work.run(&source))?;
+    let run = Figures { threads, ..Figures::since(start, &job.resources) };
+    let census = source.census();
+    Ok(TranslateReport {
+        input: job.input.join(", "),
+        output: job.output.display().to_string(),
+        point_format: carrier.format().number(),
+        census,
+        files: made.files,
+        points: made.points,
+        crs: info.crs.label(),
+        output_bytes: made.bytes,
+        points_per_second: run.rate(census.read),
+        run,
+        transformed: moved.as_ref().map(|moved| Transformed::of(&moved.operation)),
+        notes: cloud
+            .notes()
+            .iter()
+            .chain(carrier.notes())
+            .chain(moved.iter().flat_map(|moved| &moved.notes))
+            .cloned()
+            .collect(),
+    })
+}
+
+impl TranslateJob {
+    /// Bytes of memory that it needs beside records on their way, for so many points.
+    fn needed(&self, packing: Packing, points: u64) -> u64 {
+        let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
+        let is_spread = packing == Packing::Nodes || self.squares.is_some();
+        choices * needed(points) + if is_spread { SPREAD } else { 0 }
+    }
+
+    /// Where points lie in the system asked for.
+    fn moved(&self, info: &CloudInfo) -> Result<Option<Move>> {
+        let Some(transform) = &self.transform else { return Ok(None) };
+        let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
+        let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
+        let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
+        let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
+        Move::new(info, operation).map(Some)
+    }
+
+    /// How its files are packed.
+    fn packing(&self) -> Result<Packing> {
+        match &self.squares {
+            Some((_, plain)) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
+            None => packing(&self.output),
+        }
+    }
+}
+
+/// What was made.
+#[derive(Default)]
+struct Made {
+    files: u64,
+    points: u64,
+    bytes: u64,
+}
+
+/// A job whose input is open.
+struct Work<'a> {
+    job: &'a TranslateJob,
+    /// What is read, whose cells are chosen from.
+    cells: &'a CloudInfo,
+    /// What is written.
+    info: &'a CloudInfo,
+    moved: Option<&'a Move>,
+    carrier: &'a Carrier<'a>,
+    options: WriteOptions,
+    shares: Shares,
+    at: At<'a>,
+}
+
+impl Work<'_> {
+    /// Writes what is chosen of all records.
+    fn run(&self, source: &dyn Records) -> Result<Made> {
+        let twice = thin::Twice::new(self.options.format);
+        let single = self.job.dedupe.then(|| self.choose(source, &twice, "points there twice"));
+        let single = single.transpose()?;
+        let records: &dyn Records = single.as_ref().map_or(source, |chosen| chosen);
+        let cells =
+            self.job.thin.map(|thin| thin::Cells::new(thin, &self.cells.frame)).transpose()?;
+        let thinned =
+            cells.as_ref().map(|cells| self.choose(records, cells, "cells")).transpose()?;
+        let records = thinned.as_ref().map_or(records, |chosen| chosen);
+        let record = self.shares.flow.record;
+        let moved = self.moved.map(|to| MovedRecords { records, to, record });
+        self.write(moved.as_ref().map_or(records, |moved| moved))
+    }
+
+    fn choose<'r>(
+        &self,
+        records: &'r dyn Records,
+        choice: &dyn Choice,
+        stage: &str,
+    ) -> Result<Chosen<'r>> {
+        self.at.progress.begin(stage, total(records));
+        let held = (self.shares.flow, self.shares.marks, self.folder());
+        let chosen = Chosen::new(records, choice, held, self.at)?;
+        self.at.progress.end();
+        Ok(chosen)
+    }
+
+    /// Where what has to wait goes.
+    fn folder(&self) -> &Path {
+        folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
+    }
+
+    fn write(&self, records: &dyn Records) -> Result<Made> {
+        match (&self.job.squares, self.options.packing) {
+            (Some((squares, _)), _) => self.divide(*squares, records),
+            (None, Packing::Nodes) => self.octree(records),
+            (None, Packing::Text) => self.text(records),
+            (None, _) => self.file(records),
+        }
+    }
+
+    fn file(&self, records: &dyn Records) -> Result<Made> {
+        let mut writer = CloudWriter::create(&self.job.output, &self.options)?;
+        self.at.progress.begin("points", total(records));
+        let mut packer = Packer::new(&mut writer, self.shares.threads);
+        self.shares.flow.run(records, self.at, &mut |bytes| packer.take(bytes))?;
+        packer.finish()?;
+        self.at.progress.end();
+        finish(writer)
+    }
+
+    fn text(&self, records: &dyn Records) -> Result<Made> {
+        let path = &self.job.output;
+        let beside = path.with_extension("prj");
+        let says_so = |found: &str| self.info.crs.is_said_by(found);
+        let beside = Sidecar::new(
+            beside,
+            self.info.crs.to_wkt().map(|text| text + "\n"),
+            says_so,
+            self.job.overwrite,
+        )?;
+        let mut file = AtomicFile::create(path, self.job.overwrite)?;
+        let lines = self.carrier.lines(&self.info.frame);
+        let mut put =
+            |text: &str| file.write_all(text.as_bytes()).map_err(|e| Error::write(path, e));
+        put(&lines.heading())?;
+        self.at.progress.begin("points", total(records));
+        let (size, mut points) = (self.shares.flow.record, 0);
+        self.shares.flow.run(records, self.at, &mut |bytes| {
+            points += (bytes.len() / size) as u64;
+            let parts: Vec<_> =
+                bytes.par_chunks(LINES * size).map(|some| lines.lines(some)).collect();
+            parts.iter().try_for_each(|text| put(text))
+        })?;
+        self.at.progress.end();
+        let bytes = file.commit()?;
+        beside.commit()?;
+        Ok(Made { files: 1, points, bytes })
+    }
+
+    fn octree(&self, records: &dyn Records) -> Result<Made> {
+        let place = &octree::Place::new(self.info);
+        let options = WriteOptions { cube: Some(place.cube()), ..self.options.clone() };
+        let mut writer = CloudWriter::create(&self.job.output, &options)?;
+        let (layout, folder) = (writer.layout(), self.folder());
+        let octree =
+            octree::Octree { place, layout, folder, memory: self.shares.columns(), at: self.at };
+        octree.write(records, self.shares.flow, &mut writer)?;
+        finish(writer)
+    }
+
+    fn divide(&self, squares: Squares, records: &dyn Records) -> Result<Made> {
+        let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, squares::is_ours)?;
+        let waiting = (self.folder(), self.shares.marks / 2);
+        let division = squares::Division::new(squares, self.info, waiting, &self.options)?;
+        let flow = (self.shares.flow, self.shares.threads);
+        let made = division.write(records, flow, folder.inside(), self.at)?;
+        folder.commit()?;
+        Ok(made)
+    }
+}
+
+fn finish(writer: CloudWriter) -> Result<Made> {
+    let points = writer.points();
+    Ok(Made { files: 1, points, bytes: writer.finish()? })
+}
+
+fn total(records: &dyn Records) -> u64 {
+    (0..records.units()).map(|unit| records.points(unit)).sum()
+}
+
+fn packing(path: &Path) -> Result<Packing> {
+    packing_by_name(path).ok_or_else(|| {
+        Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
+            .in_file(path)
+            .remedy("choose a name with one of these endings")
+    })
+}

@@ -1,0 +1,153 @@
+//! Points in another reference system: what is asked of them is decided before, and what they are put into after.
+
+use crate::records::choice::place;
+use crate::records::{Records, Take};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Frame, Point, REACH};
+use terrane_cloud::CloudInfo;
+use terrane_crs::Operation;
+
+/// Metres of a degree, about.
+const DEGREE: f64 = 111_320.0;
+/// Places along a side of the cloud that its bounds in the other system are told from.
+const PLACES: u32 = 32;
+/// Part of its size that a cloud may reach beyond these.
+const MARGIN: f64 = 0.01;
+
+/// How a cloud lies in another system.
+pub(super) struct Move {
+    pub(super) operation: Operation,
+    from: Frame,
+    /// Frame, bounds and system of what is written.
+    pub(super) info: CloudInfo,
+    /// What is to be said of it.
+    pub(super) notes: Vec<String>,
+}
+
+impl Move {
+    /// Of a cloud by an operation.
+    ///
+    /// # Errors
+    /// Places that the operation does not reach.
+    pub(super) fn new(info: &CloudInfo, operation: Operation) -> Result<Self> {
+        let [low, high] = extent(info, &operation)?;
+        let asked = scale(&info.frame, (&info.crs, operation.target()), operation.keeps_heights());
+        let reach = |axis: usize| (high[axis] - low[axis]) / f64::from(REACH);
+        let coarser = |axis: usize| {
+            let finer = asked[axis] < reach(axis);
+            if finer { power_of_ten(reach(axis).log10().ceil() as i32) } else { asked[axis] }
+        };
+        let scale = [coarser(0), coarser(1), coarser(2)];
+        let note = (scale != asked).then(|| {
+            format!("points go to steps of {scale:?}, as finer ones do not reach as far as they do")
+        });
+        let heights = operation.keeps_heights().then_some(info.frame.offset[2]);
+        let offset = [low[0].floor(), low[1].floor(), heights.unwrap_or_else(|| low[2].floor())];
+        let frame = Frame { scale, offset };
+        let steps = |world: [f64; 3], up: i32| {
+            let [x, y, z] = [0, 1, 2].map(|axis| frame.steps(axis, world[axis]).round() as i32);
+            Point { x: x.saturating_add(up), y: y.saturating_add(up), z: z.saturating_add(up) }
+        };
+        let bounds = info.bounds.map(|_| [steps(low, -1), steps(high, 1)]);
+        let crs = operation.target().clone();
+        let notes = operation.notes().iter().cloned().chain(note).collect();
+        let from = info.frame;
+        Ok(Self {
+            operation,
+            from,
+            info: CloudInfo { frame, bounds, count: info.count, crs },
+            notes,
+        })
+    }
+}
+
+/// Lowest and highest coordinates of a cloud in the other system, with a margin.
+fn extent(info: &CloudInfo, operation: &Operation) -> Result<[[f64; 3]; 2]> {
+    let (mut lowest, mut highest) = ([f64::MAX; 3], [f64::MIN; 3]);
+    let Some([low, high]) = info.bounds else { return Ok([[0.0; 3]; 2]) };
+    let [low, high] = [low, high].map(|point| info.frame.world(point));
+    let along = |axis: usize, i: u32| {
+        low[axis] + (high[axis] - low[axis]) * f64::from(i) / f64::from(PLACES)
+    };
+    for i in 0..=PLACES {
+        for j in 0..=PLACES {
+            for z in [low[2], high[2]] {
+                let at = operation.point([along(0, i), along(1, j), z])?;
+                lowest = std::array::from_fn(|axis| lowest[axis].min(at[axis]));
+                highest = std::array::from_fn(|axis| highest[axis].max(at[axis]));
+            }
+        }
+    }
+    let margin = std::array::from_fn::<_, 3, _>(|axis| (highest[axis] - lowest[axis]) * MARGIN);
+    Ok([
+        std::array::from_fn(|axis| lowest[axis] - margin[axis]),
+        std::array::from_fn(|axis| highest[axis] + margin[axis]),
+    ])
+}
+
+/// Steps no longer than those of the cloud, powers of ten.
+fn scale(frame: &Frame, (from, to): (&Crs, &Crs), keeps_heights: bool) -> [f64; 3] {
+    let metres = |crs: &Crs| crs.horizontal_metres().unwrap_or(DEGREE);
+    let below = |length: f64| power_of_ten((length.log10() + 1e-9).floor() as i32);
+    let across = |axis: usize| below(frame.scale[axis] * metres(from) / metres(to));
+    let height = if keeps_heights { frame.scale[2] } else { below(frame.scale[2]) };
+    [across(0), across(1), height]
+}
+
+/// The nearest number to a power of ten.
+fn power_of_ten(power: i32) -> f64 {
+    format!("1e{power}").parse().unwrap_or(1.0)
+}
+
+/// Records in another system.
+pub(super) struct MovedRecords<'a> {
+    pub(super) records: &'a dyn Records,
+    pub(super) to: &'a Move,
+    /// Bytes of a record.
+    pub(super) record: usize,
+}
+
+impl MovedRecords<'_> {
+    fn place(&self, record: &[u8]) -> Result<Point> {
+        let Move { operation, from, info, .. } = self.to;
+        let world = operation.point(from.world(place(record)))?;
+        let steps = [0, 1, 2].map(|axis| info.frame.steps(axis, world[axis]).round());
+        let [x, y, z] = steps.map(|step| step as i32);
+        let within = |[low, high]: [Point; 2]| {
+            (low.x..=high.x).contains(&x)
+                && (low.y..=high.y).contains(&y)
+                && (low.z..=high.z).contains(&z)
+        };
+        match info.bounds.is_some_and(within) {
+            true => Ok(Point { x, y, z }),
+            false => Err(Error::unsupported(format!(
+                "a point is at {world:?} in {}, far from those beside it",
+                info.crs.label()
+            ))
+            .remedy("leave it out with --bounds")),
+        }
+    }
+}
+
+impl Records for MovedRecords<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.records.points(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let mut moved = Vec::new();
+        self.records.read(unit, &mut |bytes| {
+            moved.clear();
+            moved.extend_from_slice(bytes);
+            for record in moved.chunks_exact_mut(self.record) {
+                let Point { x, y, z } = self.place(record)?;
+                record[..12].copy_from_slice([x, y, z].map(i32::to_le_bytes).as_flattened());
+            }
+            take(&moved)
+        })
+    }
+}

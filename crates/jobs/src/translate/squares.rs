@@ -1,0 +1,257 @@
+//! Records into a folder of files, one for each square of the plane that has points.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::Made;
+use crate::plan::At;
+use crate::records::choice::place;
+use crate::records::{Flow, Records};
+use crate::workers;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Frame, Point};
+use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions};
+use terrane_cloud::{CloudInfo, Flags, PointFormat};
+use terrane_files::Buckets;
+use terrane_gridding::{Edges, Lattice};
+
+/// Most squares: each takes some memory.
+const MOST_SQUARES: u64 = 1 << 20;
+/// How far a buffer may reach.
+const MOST_SQUARES_BESIDE: f64 = 8.0;
+
+/// How a cloud is divided into squares.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Squares {
+    /// Their side, in units of x and y; corners are at its multiples.
+    pub side: f64,
+    /// Points around a square that its file has, too, up to so far away.
+    pub buffer: f64,
+    /// The mark that those bear.
+    pub mark: BufferMark,
+}
+
+/// How points of a buffer are marked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BufferMark {
+    /// As withheld: they are left out by whoever does not ask for them.
+    #[default]
+    Withheld,
+    /// As synthetic.
+    Synthetic,
+}
+
+impl BufferMark {
+    fn flag(self) -> Flags {
+        match self {
+            Self::Withheld => Flags::WITHHELD,
+            Self::Synthetic => Flags::SYNTHETIC,
+        }
+    }
+}
+
+impl FromStr for BufferMark {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "withheld" => Ok(Self::Withheld),
+            "synthetic" => Ok(Self::Synthetic),
+            _ => Err("expected withheld or synthetic".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for BufferMark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Withheld => "withheld",
+            Self::Synthetic => "synthetic",
+        })
+    }
+}
+
+/// Squares along an axis: for each of them the first and last step of its file's points.
+struct Axis {
+    first: i64,
+    reaches: Vec<[i64; 2]>,
+    /// Squares on either side that a buffer may reach into.
+    beside: usize,
+}
+
+impl Axis {
+    fn new(frame: &Frame, axis: usize, [first, last]: [i64; 2], squares: &Squares) -> Self {
+        let ruler = frame.ruler(axis);
+        let reach = |square: i64| {
+            let low = square as f64 * squares.side - squares.buffer;
+            let high = (square + 1) as f64 * squares.side + squares.buffer;
+            [ruler.first(low), ruler.last(high)]
+        };
+        let beside = (squares.buffer / squares.side).ceil() as usize;
+        Self { first, reaches: (first..=last).map(reach).collect(), beside }
+    }
+
+    /// The squares whose files have a point, of which `own` is the one it lies in.
+    fn around(&self, own: usize, steps: i32) -> impl Iterator<Item = usize> + '_ {
+        let last = (own + self.beside).min(self.reaches.len() - 1);
+        (own.saturating_sub(self.beside)..=last).filter(move |square| {
+            let [low, high] = self.reaches[*square];
+            *square == own || (low..=high).contains(&i64::from(steps))
+        })
+    }
+}
+
+/// Divides records.
+pub(super) struct Division<'a> {
+    squares: Squares,
+    lattice: Lattice,
+    axes: [Axis; 2],
+    /// Where a record has its marks, and the bits of that of a buffer.
+    mark: (usize, u8),
+    buckets: Buckets<u8>,
+    options: &'a WriteOptions,
+}
+
+impl<'a> Division<'a> {
+    /// Of a cloud; records wait in `folder` beyond so many bytes.
+    ///
+    /// # Errors
+    /// Too many squares; a buffer that is too wide.
+    pub(super) fn new(
+        squares: Squares,
+        info: &CloudInfo,
+        (folder, memory): (&Path, u64),
+        options: &'a WriteOptions,
+    ) -> Result<Self> {
+        if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
+            return Err(Error::usage(format!(
+                "a buffer of {} is too wide for squares of {}",
+                squares.buffer, squares.side
+            ))
+            .remedy(format!("it may be {MOST_SQUARES_BESIDE} times their side")));
+        }
+        let frame = &info.frame;
+        let lattice = Lattice::new(frame, [0.0; 2], [squares.side; 2], Edges::default());
+        let origin = Point { x: 0, y: 0, z: 0 };
+        let spans = lattice.span(info.bounds.unwrap_or([origin; 2]));
+        let [columns, rows] = spans.map(|[first, last]| (last - first).unsigned_abs() + 1);
+        let count = columns.saturating_mul(rows);
+        if count > MOST_SQUARES {
+            return Err(Error::usage(format!(
+                "squares of {} would be {columns} x {rows}, more than {MOST_SQUARES}",
+                squares.side
+            ))
+            .remedy("choose larger ones"));
+        }
+        let axes = [0, 1].map(|axis| Axis::new(frame, axis, spans[axis], &squares));
+        let mark = marks(options.format, squares.mark);
+        let buckets = Buckets::new(folder, count as usize, memory);
+        Ok(Self { squares, lattice, axes, mark, buckets, options })
+    }
+
+    /// Writes all records into a folder.
+    pub(super) fn write(
+        &self,
+        records: &dyn Records,
+        (flow, threads): (Flow, usize),
+        folder: &Path,
+        at: At<'_>,
+    ) -> Result<Made> {
+        at.progress.begin("squares", super::total(records));
+        let mut copy = Vec::new();
+        flow.run(records, at, &mut |bytes| {
+            bytes.chunks_exact(flow.record).try_for_each(|record| self.take(record, &mut copy))
+        })?;
+        at.progress.end();
+        let count = self.axes[0].reaches.len() * self.axes[1].reaches.len();
+        at.progress.begin("files", count as u64);
+        let mut made = Made::default();
+        let one = |(): &mut (), square: u64| {
+            let file = self.file(square as usize, flow.record, folder)?;
+            at.progress.advance(1);
+            Ok(file)
+        };
+        let add = |file: Option<[u64; 2]>| {
+            if let Some([points, bytes]) = file {
+                made.files += 1;
+                made.points += points;
+                made.bytes += bytes;
+            }
+            Ok(())
+        };
+        workers::in_order(threads, count as u64, at.cancel, || (), one, add)?;
+        at.progress.end();
+        Ok(made)
+    }
+
+    fn take(&self, record: &[u8], copy: &mut Vec<u8>) -> Result<()> {
+        let point = place(record);
+        let [x, y] = &self.axes;
+        let column = (self.lattice.x.index(point.x) - x.first) as usize;
+        let row = (self.lattice.y.index(point.y) - y.first) as usize;
+        let width = x.reaches.len();
+        self.buckets.push(row * width + column, record)?;
+        if self.squares.buffer == 0.0 {
+            return Ok(());
+        }
+        copy.clear();
+        copy.extend_from_slice(record);
+        copy[self.mark.0] |= self.mark.1;
+        for beside in y.around(row, point.y) {
+            for other in x.around(column, point.x) {
+                if (other, beside) != (column, row) {
+                    self.buckets.push(beside * width + other, copy)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The file of a square; its points and bytes where it has any.
+    fn file(&self, square: usize, record: usize, folder: &Path) -> Result<Option<[u64; 2]>> {
+        let all = self.buckets.len(square);
+        if all == 0 {
+            return Ok(None);
+        }
+        let mut writer = CloudWriter::create(&folder.join(self.name(square)), self.options)?;
+        let (layout, mut first) = (writer.layout(), 0);
+        while first < all {
+            let mut piece = vec![0; (all - first).min((CHUNK * record) as u64) as usize];
+            first += self.buckets.read_from(square, first, &mut piece)? as u64;
+            writer.append(&layout.pack(piece)?)?;
+        }
+        self.buckets.forget(square);
+        let points = writer.points();
+        Ok(Some([points, writer.finish()?]))
+    }
+
+    /// By the lowest corner.
+    fn name(&self, square: usize) -> PathBuf {
+        let width = self.axes[0].reaches.len();
+        let corner = [square % width, square / width];
+        let [x, y] = [0, 1]
+            .map(|axis| (self.axes[axis].first + corner[axis] as i64) as f64 * self.squares.side);
+        let ending = if self.options.packing == Packing::Plain { "las" } else { "laz" };
+        PathBuf::from(format!("{x}_{y}.{ending}"))
+    }
+}
+
+/// Where records have their marks, and the bits of one.
+fn marks(format: PointFormat, mark: BufferMark) -> (usize, u8) {
+    let Flags(bits) = mark.flag();
+    (15, if format.is_new() { bits } else { bits << 5 })
+}
+
+/// Whether a folder holds nothing but files of squares.
+pub(super) fn is_ours(folder: &Path) -> bool {
+    let is_square = |name: &str| {
+        let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
+        let corner = stem.and_then(|stem| stem.split_once('_'));
+        corner.is_some_and(|(x, y)| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok())
+    };
+    let entries = std::fs::read_dir(folder).map(|all| {
+        all.map(|entry| entry.is_ok_and(|entry| is_square(&entry.file_name().to_string_lossy())))
+    });
+    entries.is_ok_and(|mut all| all.all(|is| is))
+}

@@ -1,0 +1,164 @@
+//! Areas of polygons, by edges: which of them a row of places needs to look at.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::ops::{ControlFlow, Range};
+
+use super::scan::{Labelled, Scan};
+use super::{ClipRings, Edge};
+use terrane_base::geom::{Affine, Rect};
+
+/// Polygons, by edges.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Areas {
+    /// By their lower ends.
+    pub(super) edges: Vec<Edge>,
+    /// The highest upper end of each block of edges, and of each block of those, up to one.
+    tops: Vec<Vec<f64>>,
+    /// Most edges at one height.
+    pub(super) most_at_once: usize,
+}
+
+/// Edges of a block, and blocks of the one above it.
+const BLOCK: usize = 16;
+/// Bytes that a thread takes for each edge at the height of the row at hand: its number, two columns and
+/// a feature, and half as many columns again; and lists that grow take up to twice as much.
+const AT_HAND: u64 = 48;
+
+impl Areas {
+    /// Those of rings. Takes O(n log n) time for n edges.
+    pub fn new(rings: ClipRings) -> Self {
+        Self::of_edges(rings.edges)
+    }
+
+    fn of_edges(mut edges: Vec<Edge>) -> Self {
+        edges.sort_unstable_by(|a, b| a.low[1].total_cmp(&b.low[1]));
+        edges.shrink_to_fit();
+        let (tops, most_at_once) = (tops(&edges), most_at_once(&edges));
+        Self { edges, tops, most_at_once }
+    }
+
+    /// True where there is no edge.
+    pub fn is_empty(&self) -> bool {
+        self.edges.is_empty()
+    }
+
+    /// What of them tells about places in a box, its borders included (x and y low, x and y high): edges that come
+    /// near it, and for all that lie west of it as few upright ones as count crossings alike. So that many boxes in
+    /// a box cost what is in that, take parts of parts. Rows have to run to the east: crossings are counted from the west.
+    #[must_use]
+    pub fn within(&self, [west, south, east, north]: [f64; 4]) -> Self {
+        // Further than rounding, whatever the size; what is beyond the box is not asked for.
+        let [beside, above] = [west - west.abs().max(1.0), north + north.abs().max(1.0)];
+        let (mut edges, mut ends, mut next) = (Vec::new(), Vec::new(), 0);
+        while let Some(at) = self.reaching(next, south).filter(|at| self.edges[*at].low[1] <= north)
+        {
+            let edge = self.edges[at];
+            next = at + 1;
+            match [edge.low[0], edge.high[0]] {
+                [a, b] if a.max(b) < west => {
+                    // Crossings count from the lower end on, without the upper one.
+                    let within = |y: f64| if y > north { above } else { y.max(south) };
+                    ends.extend([edge.low, edge.high].map(|end| (edge.feature, within(end[1]))));
+                }
+                [a, b] if a.min(b) > east => (),
+                _ => edges.push(edge),
+            }
+        }
+        ends.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let odd = ends.chunk_by(|a, b| a.0 == b.0 && a.1 == b.1).filter(|same| same.len() % 2 == 1);
+        let odd: Vec<_> = odd.map(|same| same[0]).collect();
+        let upright = |pair: &[(u32, f64)]| {
+            let [low, high] = [pair[0].1, pair[1].1].map(|y| [beside, y]);
+            Edge { low, high, feature: pair[0].0 }
+        };
+        edges.extend(odd.chunks_exact(2).map(upright));
+        Self::of_edges(edges)
+    }
+
+    /// Shows for each row of a lattice of so many columns and rows, by its number, the columns that lie in a polygon
+    /// or on its border, in order and apart. `map` takes columns and rows to places; rows come in an order of their
+    /// own.
+    pub fn rows(
+        &self,
+        map: Affine,
+        [width, height]: [u32; 2],
+        mut see: impl FnMut(u32, &[Range<u32>]),
+    ) {
+        let mut runs = Vec::new();
+        let _ = Scan::new(self, map, Rect::new(0, 0, width, height)).rows(
+            |row, inside: &[Labelled]| {
+                runs.clear();
+                runs.extend(inside.iter().map(|(_, run)| run.clone()));
+                see(row, &runs);
+                ControlFlow::<()>::Continue(())
+            },
+        );
+    }
+
+    /// Bytes of their edges alone.
+    pub fn bytes(&self) -> u64 {
+        self.edges.len() as u64 * ClipRings::EDGE_BYTES
+    }
+
+    /// Bytes that they take while so many threads look at them.
+    pub fn held(&self, threads: usize) -> u64 {
+        let edges = self.edges.len() as u64;
+        let tops = edges / (BLOCK as u64 - 1) * size_of::<f64>() as u64;
+        let at_hand = self.most_at_once as u64 * AT_HAND * threads.max(1) as u64;
+        self.bytes() + tops + at_hand
+    }
+
+    /// The first edge from number `from` on whose upper end is at `y` or above.
+    pub(super) fn reaching(&self, mut from: usize, y: f64) -> Option<usize> {
+        while from < self.edges.len() {
+            let skipped = self.blocks_at(from).take_while(|(_, top)| *top < y).last();
+            match skipped {
+                Some((size, _)) => from += size,
+                None if self.edges[from].high[1] >= y => return Some(from),
+                None => from += 1,
+            }
+        }
+        None
+    }
+
+    /// The blocks that begin at number `from`, the smallest first: how many edges, and the highest end.
+    fn blocks_at(&self, from: usize) -> impl Iterator<Item = (usize, f64)> {
+        let mut size = 1;
+        self.tops.iter().map_while(move |tops| {
+            size *= BLOCK;
+            from.is_multiple_of(size).then(|| (size, tops[from / size]))
+        })
+    }
+}
+
+fn tops(edges: &[Edge]) -> Vec<Vec<f64>> {
+    let highest = |ends: &[f64]| ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let of_edges =
+        |block: &[Edge]| block.iter().map(|e| e.high[1]).fold(f64::NEG_INFINITY, f64::max);
+    let mut levels = vec![edges.chunks(BLOCK).map(of_edges).collect::<Vec<_>>()];
+    while let Some(below) = levels.last().filter(|level| level.len() > 1) {
+        levels.push(below.chunks(BLOCK).map(highest).collect());
+    }
+    levels
+}
+
+/// Most edges that have one height in common, of `edges` by their lower ends.
+fn most_at_once(edges: &[Edge]) -> usize {
+    let mut ends: BinaryHeap<Reverse<i64>> = BinaryHeap::new();
+    let mut most = 0;
+    for edge in edges {
+        while ends.peek().is_some_and(|Reverse(end)| *end < rank(edge.low[1])) {
+            ends.pop();
+        }
+        ends.push(Reverse(rank(edge.high[1])));
+        most = most.max(ends.len());
+    }
+    most
+}
+
+/// A whole number for each float, in the same order, and one for both zeros.
+fn rank(value: f64) -> i64 {
+    let bits = (value + 0.0).to_bits().cast_signed();
+    if bits < 0 { i64::MIN - bits } else { bits }
+}

@@ -1,0 +1,164 @@
+//! `terrane points`: clouds into files of points.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::shared::many::Many;
+use crate::cli::shared::points::{self, Points, parse_format};
+use crate::cli::shared::system::{self, System};
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
+use crate::cloud::PointFormat;
+use crate::error::Result;
+use crate::jobs::Cancel;
+use crate::jobs::sift::Sifted;
+use crate::jobs::translate::{
+    self, BufferMark, KEPT, Squares, Thin, TranslateJob, TranslateReport,
+};
+
+/// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
+///
+/// Points marked as withheld are carried unless --drop-flag withheld says otherwise. Every attribute is carried: times, colours, waveforms, extra bytes, and the records of the header that are the
+/// same in all files; what the output cannot hold is an error, or told in a note where the format asked for has no
+/// field for it. Points stay in the order of the files' names and of the points in them, so the same files give the
+/// same bytes, whatever the order they are named in, threads and memory.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a pattern in quotes are
+    /// one cloud. The last name is that of the file to write: .las or .laz
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
+    input: Vec<String>,
+    #[arg(skip)]
+    output: PathBuf,
+    /// Format of the points, 0 to 10 [default: the first that holds all fields of all files]
+    #[arg(long, value_name = "N", value_parser = parse_format)]
+    point_format: Option<PointFormat>,
+    /// Only one of the points that have the same place and time: the first
+    #[arg(long)]
+    dedupe: bool,
+    /// Only one point of each square of this size, in units of x and y
+    #[arg(long, value_name = "CELL[:WHICH]", long_help = thin_help())]
+    thin: Option<Thin>,
+    /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
+    #[arg(long, value_name = "SIDE", value_parser = parse::positive, help_heading = "Squares")]
+    tile: Option<f64>,
+    /// Points around each square up to so far away, too, marked by --buffer-mark
+    #[arg(long, value_name = "WIDTH", requires = "tile", value_parser = parse::positive, help_heading = "Squares")]
+    buffer: Option<f64>,
+    /// How points of buffers are marked: withheld or synthetic
+    #[arg(long, value_name = "MARK", requires = "buffer", default_value_t, value_parser = parse_mark, help_heading = "Squares")]
+    buffer_mark: BufferMark,
+    /// What the files of squares are: laz or las
+    #[arg(long, value_name = "NAME", requires = "tile", default_value = "laz", value_parser = ["laz", "las"], help_heading = "Squares")]
+    tile_format: String,
+    /// Replace what exists
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    points: Points,
+    #[command(flatten)]
+    system: System,
+    #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+impl Verb for Args {
+    const NAME: &'static str = "points";
+    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn lists() -> Vec<String> {
+        vec![lists::EXIT_CODES.to_owned()]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        Some((&mut self.input, &mut self.output))
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn parse_mark(text: &str) -> std::result::Result<BufferMark, String> {
+    text.parse()
+}
+
+impl Args {
+    /// The squares asked for, and whether their files are uncompressed.
+    fn squares(&self) -> Option<(Squares, bool)> {
+        let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);
+        self.tile.map(|side| (Squares { side, buffer, mark }, self.tile_format == "las"))
+    }
+}
+
+fn thin_help() -> String {
+    let names: Vec<_> = KEPT.iter().map(|(name, about)| format!("{name:<8} {about}")).collect();
+    format!(
+        "Only one point of each square of this size, in units of x and y, whose corners are at its multiples; \
+         which one is said after a colon:\n{}",
+        names.join("\n")
+    )
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let resources = args.machine.resources();
+    let mut cloud = args.points.open_options(&resources)?;
+    // A mark is an attribute as others are.
+    cloud.filter.keep_withheld = true;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Clouds(&cloud), &resources)?;
+    check_files(args, &names)?;
+    let job = TranslateJob {
+        cloud,
+        format: args.point_format,
+        dedupe: args.dedupe,
+        thin: args.thin,
+        transform: args.system.transform()?,
+        squares: args.squares(),
+        overwrite: args.overwrite,
+        resources,
+        ..TranslateJob::new(names, &args.output)
+    };
+    let made = translate::run(&job, args.show.progress().as_ref(), cancel)?;
+    let told = report::WithSkipped { report: &made, skipped: &skipped };
+    args.show.tell(&told, || summary(&made))?;
+    Ok(Outcome::Kept)
+}
+
+/// Fails when the output is an input, or cannot be made.
+fn check_files(args: &Args, names: &[String]) -> Result<()> {
+    let output: &[&Path] = &[&args.output];
+    check::not_among(&crate::cloud::files(names)?, output)?;
+    check::not_among(&args.points.files()?, output)?;
+    check::not_among(&args.system.files()?, output)?;
+    match args.tile {
+        Some(_) => crate::atomic::refuse_stdout(&args.output),
+        None => check::new_file(&args.output, args.overwrite),
+    }
+}
+
+fn written(r: &TranslateReport) -> String {
+    let points = format!("{} of point format {}", text::count(r.points), r.point_format);
+    if r.files == 1 { points } else { format!("{points}, in {} files", text::count(r.files)) }
+}
+
+fn summary(r: &TranslateReport) -> String {
+    let mut rows = vec![
+        ("points", points::census(&r.census)),
+        ("written", written(r)),
+        ("system", r.crs.clone()),
+        ("size", text::bytes(r.output_bytes)),
+    ];
+    rows.extend(system::rows(r.transformed.as_ref()).filter(|(name, _)| *name == "operation"));
+    let rate = text::rate(r.points_per_second, "points");
+    rows.extend(report::took(&r.run, Some(rate), ""));
+    rows.extend(report::notes(&r.notes));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}

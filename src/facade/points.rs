@@ -1,0 +1,104 @@
+//! Points of clouds into files of points.
+
+use std::path::PathBuf;
+
+use super::cloud::Cloud;
+use super::run::{Run, System, overwrite_setting, run_settings, system_settings};
+use terrane_base::Result;
+use terrane_cloud::PointFormat;
+use terrane_jobs::translate::{self, Squares, Thin, TranslateJob, TranslateReport};
+
+/// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
+/// stay in the order of the files' names and of the points in them.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let [path, thin] = ["points.xyz", "thin.laz"].map(|name| folder.path().join(name));
+/// std::fs::write(&path, "x y z class\n0.5 0.5 3 2\n0.9 0.1 2 2\n1.5 0.5 4 6\n").unwrap();
+/// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+/// let made = cloud.points().thin("1:lowest".parse().unwrap()).write(&thin)?;
+/// assert_eq!(made.points, 2); // one of each square of 1 by 1
+/// assert_eq!(terrane::open_cloud(thin.to_str().unwrap())?.info().count, 2);
+/// # Ok(())
+/// # }
+/// ```
+pub struct PointsBuilder<'a> {
+    cloud: &'a Cloud,
+    format: Option<PointFormat>,
+    dedupe: bool,
+    thin: Option<Thin>,
+    system: System,
+    run: Run,
+}
+
+run_settings!([] PointsBuilder<'_>);
+overwrite_setting!([] PointsBuilder<'_>);
+system_settings!([] PointsBuilder<'_>);
+
+impl<'a> PointsBuilder<'a> {
+    pub(super) fn of(cloud: &'a Cloud) -> Self {
+        Self {
+            cloud,
+            format: None,
+            dedupe: false,
+            thin: None,
+            system: System::default(),
+            run: Run::default(),
+        }
+    }
+
+    /// The format of the points; the first that has all fields of all files unless told otherwise.
+    pub fn format(mut self, format: PointFormat) -> Self {
+        self.format = Some(format);
+        self
+    }
+
+    /// Of points of one place and time only the first.
+    pub fn dedupe(mut self, dedupe: bool) -> Self {
+        self.dedupe = dedupe;
+        self
+    }
+
+    /// Only one point of each cell.
+    pub fn thin(mut self, thin: Thin) -> Self {
+        self.thin = Some(thin);
+        self
+    }
+
+    /// Writes the points: LAS, LAZ or COPC by the name's ending (`.las`, `.laz`, `.copc.laz`).
+    ///
+    /// # Errors
+    /// A cloud that is not of files; files that do not go into one, or what the format cannot hold of a point; damage
+    /// in the files; too little memory; an output that exists or cannot be written; cancelled.
+    pub fn write(self, path: impl Into<PathBuf>) -> Result<TranslateReport> {
+        let job = self.job(path.into())?;
+        translate::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+
+    /// Writes a folder of a LAZ file for each square that has points.
+    ///
+    /// # Errors
+    /// Those of [`write`](Self::write); too many squares.
+    pub fn write_squares(
+        self,
+        squares: Squares,
+        folder: impl Into<PathBuf>,
+    ) -> Result<TranslateReport> {
+        let job = TranslateJob { squares: Some((squares, false)), ..self.job(folder.into())? };
+        translate::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+
+    fn job(&self, output: PathBuf) -> Result<TranslateJob> {
+        Ok(TranslateJob {
+            cloud: self.cloud.options.clone(),
+            format: self.format,
+            dedupe: self.dedupe,
+            thin: self.thin,
+            transform: self.system.transform()?,
+            overwrite: self.run.overwrite,
+            resources: self.run.resources()?,
+            ..TranslateJob::new(self.cloud.inputs.clone(), output)
+        })
+    }
+}

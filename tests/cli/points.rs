@@ -1,0 +1,126 @@
+//! `terrane points`: what it is told, what it tells, and what it refuses.
+
+use crate::cli_support::Place;
+
+/// A place with two clouds beside each other and a text file.
+fn clouds() -> Place {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=60,density=4,seed=5", "a.laz"]);
+    place.ok(&["synth", "cloud,size=60,density=4,seed=6", "b.las", "--point-format", "3"]);
+    place.write("c.xyz", "x y z class\n500001 4750001 3.25 2\n500002 4750002 4.5 6\n");
+    place
+}
+
+/// Points of a cloud that are not marked as withheld.
+fn points(place: &Place, name: &str) -> u64 {
+    let told = place.ok(&["info", name, "--json", "--stats"]).out;
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    told["stats"]["kept"].as_u64().unwrap()
+        - told["stats"]["flags"]["withheld"].as_u64().unwrap_or(0)
+}
+
+#[test]
+fn clouds_are_merged_filtered_and_told_of() {
+    let place = clouds();
+    let told = place.ok(&["points", "b.las", "a.laz", "all.laz", "--json"]).out;
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!((&told["point_format"], &told["files"]), (&7.into(), &1.into()));
+    assert_eq!(told["points"], told["census"]["read"]);
+    let all = points(&place, "all.laz");
+    assert_eq!(all, points(&place, "a.laz") + points(&place, "b.las"));
+    place.ok(&["points", "a.laz", "b.las", "again.laz"]);
+    let bytes = |name: &str| std::fs::read(place.path(name)).unwrap();
+    assert!(bytes("all.laz") == bytes("again.laz"));
+    let told =
+        place.ok(&["points", "all.laz", "ground.copc.laz", "--class", "2", "--thin", "2:lowest"]);
+    assert!(
+        told.out.contains("of point format 7") && told.out.contains("filtered out"),
+        "{}",
+        told.out
+    );
+    assert!((100..=961).contains(&points(&place, "ground.copc.laz")));
+    let squares = place.ok(&["points", "all.laz", "squares", "--tile", "25", "--buffer", "3"]).out;
+    assert!(squares.contains("in 9 files"), "{squares}");
+    assert!(place.path("squares/500050_4750025.laz").exists());
+    assert_eq!(points(&place, "squares"), all, "those of buffers are withheld");
+    place.ok(&["points", "cloud:c.xyz", "text.las"]);
+    assert_eq!(points(&place, "text.las"), 2);
+}
+
+#[test]
+fn what_cannot_be_is_refused_by_name() {
+    let place = clouds();
+    place.ok(&["points", "a.laz", "out.laz"]);
+    for (args, code, told) in [
+        ("points a.laz out.laz", 2, "exists"),
+        ("points a.laz a.laz --overwrite", 2, "a.laz"),
+        ("points a.laz out.tif", 2, ".copc.laz"),
+        ("points a.laz x.copc.laz --point-format 3", 65, "COPC has no points of format 3"),
+        ("points a.laz x.laz --point-format 11", 2, "no point format 11"),
+        ("points a.laz x.laz --thin 0", 2, "above zero"),
+        ("points a.laz x.laz --thin 0.0001", 2, "smaller than a step"),
+        ("points a.laz x.laz --buffer 3", 2, "--tile"),
+        ("points a.laz x --tile 0.001", 2, "choose larger ones"),
+        ("points a.laz x --tile 10 --buffer 100", 2, "too wide"),
+        ("points cloud:c.xyz x.laz --to-crs EPSG:4326", 65, "c.xyz"),
+        ("points nothing.laz x.laz", 65, "nothing.laz"),
+        ("points synth:cloud,size=9 x.laz", 2, "synth"),
+    ] {
+        let args: Vec<&str> = args.split(' ').collect();
+        place.fails(&args, code, &[told]);
+        assert!(!place.path("x.laz").exists() && !place.path("x").exists(), "{args:?}");
+    }
+}
+
+#[test]
+fn bad_files_of_many_are_skipped_when_asked() {
+    let place = clouds();
+    place.write("bad.laz", "LASF and no more");
+    place.fails(&["points", "a.laz", "bad.laz", "x.laz"], 65, &["bad.laz"]);
+    let told = place.ok(&["points", "a.laz", "bad.laz", "x.laz", "--skip-bad", "--json"]).out;
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!(told["skipped"][0]["file"], "bad.laz");
+    assert_eq!(points(&place, "x.laz"), points(&place, "a.laz"));
+}
+
+#[test]
+fn what_fails_or_is_killed_leaves_nothing_behind() {
+    let place = clouds();
+    let names = || {
+        let all = std::fs::read_dir(place.path(".")).unwrap();
+        let mut names: Vec<_> = all.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    for job in [
+        "a.laz o.las",
+        "a.laz o.copc.laz",
+        "a.laz o --tile 20",
+        "a.laz o.csv",
+        "a.laz o.laz --dedupe --thin 1",
+    ] {
+        for point in ["create", "sync", "rename"] {
+            let args: Vec<&str> = ["points"].into_iter().chain(job.split(' ')).collect();
+            let fault = format!("{point}:1");
+            let ran = place.command(&args).env("TERRANE_FAULT", &fault).output().unwrap();
+            let told = String::from_utf8_lossy(&ran.stderr);
+            assert!(matches!(ran.status.code(), Some(73 | 74)), "{job} {fault}: {told}");
+            assert_eq!(names(), before, "{job} {fault}");
+        }
+    }
+    for wait in [5, 20, 40, 80] {
+        let mut command = place.command(&["points", "a.laz", "b.las", "o.copc.laz", "-q"]);
+        let mut child = command.spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait));
+        let _ = child.kill();
+        child.wait().unwrap();
+        if place.path("o.copc.laz").exists() {
+            std::fs::remove_file(place.path("o.copc.laz")).unwrap();
+        }
+        // The next run takes away what is left of one that was killed.
+        place.ok(&["points", "a.laz", "b.las", "o.copc.laz", "-q"]);
+        std::fs::remove_file(place.path("o.copc.laz")).unwrap();
+        assert_eq!(names(), before);
+    }
+}

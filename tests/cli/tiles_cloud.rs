@@ -1,0 +1,119 @@
+//! `terrane tiles CLOUD`: the tiles of a model of the ground, as two commands make them, proved against the cloud.
+
+use serde_json::Value;
+
+use crate::cli_support::{self, Place, json};
+use crate::tiles::walk;
+
+const CLOUD: &str = "synth:cloud,size=120,density=4,seed=3,voids=2,tile=60";
+
+/// The files of two sets are the same; `layer.json` but for the name of what they were made of.
+fn alike(place: &Place, [a, b]: [&str; 2]) {
+    assert_eq!(walk(place, a), walk(place, b));
+    for name in walk(place, a) {
+        let [a, b] = [a, b].map(|set| {
+            let bytes = place.bytes(&format!("{set}/{name}"));
+            let text: Option<Value> = (name == "layer.json")
+                .then(|| serde_json::from_slice(&bytes).expect("a layer.json"));
+            let text = text.map(|mut text| {
+                text["terrane"]["source"] = Value::Null;
+                text.to_string().into_bytes()
+            });
+            text.unwrap_or(bytes)
+        });
+        assert_eq!(a, b, "{name}");
+    }
+}
+
+#[test]
+fn tiles_are_those_of_the_model_that_grid_makes() {
+    let place = Place::new();
+    for (number, how) in [&[][..], &["--class", "2"], &["--ground", "filter"]].iter().enumerate() {
+        let [one, two, dtm] = ["one", "two", "dtm.tif"].map(|name| format!("{number}{name}"));
+        let cell = ["--cell", "2"];
+        let made = ["tiles", CLOUD, &one, "--json"];
+        let made = json(&place.ok(&[&made[..], &cell, how].concat()).out);
+        assert!(made["notes"][0].as_str().unwrap().starts_with("ground: "), "{made}");
+        assert_eq!(made["input"], CLOUD);
+        place.ok(&[&["grid", CLOUD, &dtm, "--dtm", "-q"], &cell[..], how].concat());
+        place.ok(&["tiles", &dtm, &two, "-q"]);
+        alike(&place, [&one, &two]);
+        let verify = ["verify", &one, CLOUD, "--json"];
+        let told = json(&place.ok(&[&verify[..], &cell, how].concat()).out);
+        assert_eq!((&told["passed"], &told["raster"]), (&true.into(), &CLOUD.into()), "{told}");
+        place.ok(&["verify", &one, &dtm, "-q"]);
+    }
+    // A model of other cells has samples where tiles do not promise anything.
+    let other = place.run(&["verify", "0one", CLOUD, "--cell", "3", "-q"]);
+    assert_eq!(other.code, 1, "{} {}", other.out, other.err);
+    assert!(place.files().iter().all(|name| !name.starts_with(".terrane")), "{:?}", place.files());
+}
+
+#[test]
+fn cells_are_as_wide_as_points_are_apart() {
+    let place = Place::new();
+    place.ok(&["tiles", CLOUD, "one", "--class", "2", "-q"]);
+    place.ok(&["tiles", CLOUD, "two", "--class", "2", "--cell", "0.5", "-q"]);
+    alike(&place, ["one", "two"]);
+    place.ok(&["verify", "one", CLOUD, "--class", "2", "-q"]);
+}
+
+#[test]
+fn work_in_a_folder_goes_on_where_it_was() {
+    let place = Place::new();
+    let make = |output: &str, more: &[&str]| {
+        let args = ["tiles", CLOUD, output, "--cell", "1", "--class", "2", "-q"];
+        place.ok(&[&args[..], more].concat());
+    };
+    make("one", &[]);
+    make("two", &["--workdir", "work"]);
+    alike(&place, ["one", "two"]);
+    let model = place.path("work/model/model.tif");
+    let made = std::fs::metadata(&model).unwrap().modified().unwrap();
+    // Tiles that are gone are made again, of the model that is there.
+    std::fs::remove_dir_all(place.path("two")).unwrap();
+    make("two", &["--workdir", "work"]);
+    alike(&place, ["one", "two"]);
+    assert_eq!(std::fs::metadata(&model).unwrap().modified().unwrap(), made);
+    // A model that is gone is put together again.
+    std::fs::remove_file(&model).unwrap();
+    make("two", &["--workdir", "work", "--overwrite"]);
+    alike(&place, ["one", "two"]);
+    let other = ["tiles", CLOUD, "x", "--cell", "2", "--class", "2", "--workdir", "work"];
+    place.fails(&other, 2, &["another"]);
+}
+
+#[test]
+fn water_of_a_model_is_level_and_told_of() {
+    let place = Place::new();
+    let lake = "POLYGON ((500020 4750020, 500090 4750030, 500080 4750090, 500020 4750020))";
+    place.write("lake.wkt", lake).write("lake.prj", "EPSG:32631");
+    let water = ["--water", "lake.wkt"];
+    place.ok(&[&["tiles", CLOUD, "t", "--cell", "2", "--water-mask", "-q"], &water[..]].concat());
+    let verify = ["verify", "t", CLOUD, "--cell", "2", "--json"];
+    let told = json(&place.ok(&[&verify[..], &water].concat()).out);
+    assert_eq!((&told["passed"], &told["judged"]), (&true.into(), &true.into()), "{told}");
+}
+
+#[test]
+fn what_does_not_fit_clouds_or_grids_is_refused() {
+    let place = Place::new();
+    let tiles = |more: &[&str], words: &[&str]| {
+        place.fails(&[&["tiles", CLOUD, "t"], more].concat(), 2, words);
+    };
+    tiles(&["--band", "2"], &["--band", "a point cloud"]);
+    tiles(&["--bbox", "0,0,1,1"], &["--bbox", "a point cloud"]);
+    tiles(&["--clip", "areas.wkt"], &["--clip", "a point cloud"]);
+    tiles(&["--workdir", "work"], &["--workdir", "which points are ground", "--class 2"]);
+    tiles(&["--meshopt"], &["3D Tiles"]);
+    place.fails(&["plan", "tiles", CLOUD, "-o", "work"], 2, &["planned first", "plan grid"]);
+    place.write("g.asc", cli_support::GRID).write("g.prj", "EPSG:32631");
+    place.fails(&["tiles", "g.asc", "t", "--cell", "1"], 2, &["--cell", "g.asc"]);
+    place.fails(&["tiles", "g.asc", "t", "--class", "2"], 2, &["--class is for point clouds"]);
+    place.write("p.xyz", "1 2 3\n4 5 6\n7 9 3\n8 1 2\n");
+    place.fails(&["tiles", "cloud:p.xyz", "t"], 65, &["p.xyz", "where on the globe", "--crs"]);
+    place.ok(&["tin", "g.asc", "m.ply", "--max-error", "1", "-q"]);
+    place.fails(&["verify", "m.ply", "g.asc", "--cell", "1"], 2, &["--cell", "terrain tiles"]);
+    place.ok(&["tiles", "g.asc", "g", "--max-level", "4", "-q"]);
+    place.fails(&["verify", "g", "g.asc", "--ground", "class"], 2, &["--ground", "g.asc"]);
+}

@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""Compares points that terrane writes with those it read, as laspy reads both.
+
+    python3 tools/compare_points.py [--terrane target/debug/terrane] [FILE...]
+
+Each file (and some made by terrane) is written as LAS and LAZ, whose points must be those of the
+input in every dimension, one by one; and as COPC, of which laspy's own reader of octrees must find
+all points, those of a box, and each in one level. Prints a line for each and exits with 1 when
+anything differs. Needs numpy and laspy with lazrs.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+
+import laspy
+import numpy as np
+from laspy.copc import Bounds, CopcReader
+
+MADE = ["cloud,size=300,density=6,seed=3", "cloud,width=900,height=60,density=9,seed=4"]
+
+
+def rows(points, names):
+    """Points as rows of numbers, places as they are in the world."""
+    return np.column_stack([np.asarray(points[name], dtype=np.float64) for name in names])
+
+
+def sorted_rows(all_rows):
+    return all_rows[np.lexsort(all_rows.T)]
+
+
+def dimensions(las):
+    """Its dimensions by name; the coordinates come scaled."""
+    places = {"X": "x", "Y": "y", "Z": "z"}
+    return [places.get(name, name) for name in las.point_format.dimension_names]
+
+
+def compare_file(before, after):
+    """What differs between two files that should hold the same points in the same order."""
+    if before.point_format.id != after.point_format.id:
+        yield f"point format {after.point_format.id} of {before.point_format.id}"
+    if dimensions(before) != dimensions(after):
+        yield f"dimensions {dimensions(after)} of {dimensions(before)}"
+        return
+    for name in dimensions(before):
+        if not np.array_equal(np.asarray(before[name]), np.asarray(after[name])):
+            yield f"values of {name}"
+    system = lambda las: las.header.parse_crs()
+    if system(before) != system(after):
+        yield "the reference system"
+
+
+def compare_octree(before, path):
+    """What differs between a file and the octree of its points."""
+    with CopcReader.open(path) as reader:
+        found = reader.query()
+        names = [name for name in dimensions(before) if name in dimensions(reader.header)]
+        names = [name for name in names if name not in ("scan_angle_rank", "scan_angle")]
+        expected = rows(before, names)
+        if not np.array_equal(sorted_rows(rows(found, names)), sorted_rows(expected)):
+            yield "points"
+        levels = [len(reader.query(level=level)) for level in range(16)]
+        if sum(levels) != len(expected) or levels[0] == 0:
+            yield f"points by level {levels}"
+        low, high = reader.header.mins, reader.header.maxs
+        box = [low + (high - low) * share for share in (0.31, 0.57)]
+        inside = np.all([(before[a] >= box[0][i]) & (before[a] <= box[1][i]) for i, a in enumerate("xy")], axis=0)
+        seen = reader.query(Bounds(mins=box[0][:2], maxs=box[1][:2]))
+        if not np.array_equal(sorted_rows(rows(seen, names)), sorted_rows(expected[inside])):
+            yield f"{len(seen)} of {inside.sum()} points of a box"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--terrane", default="target/debug/terrane")
+    parser.add_argument("files", nargs="*")
+    args = parser.parse_args()
+    terrane = os.path.abspath(args.terrane)
+    compared = differing = 0
+    with tempfile.TemporaryDirectory() as folder:
+        run = lambda *words: subprocess.run([terrane, *words, "-q", "--overwrite"], check=True, cwd=folder)
+        made = []
+        for number, name in enumerate(MADE):
+            path = os.path.join(folder, f"made{number}.laz")
+            run("synth", name, path, "--point-format", str(3 + 4 * number))
+            made.append(path)
+        for file in [*made, *map(os.path.abspath, args.files)]:
+            before = laspy.read(file)
+            for ending in ["las", "laz", "copc.laz"]:
+                path = os.path.join(folder, f"out.{ending}")
+                run("points", file, path)
+                found = compare_octree(before, path) if ending == "copc.laz" else compare_file(before, laspy.read(path))
+                wrong = list(found)
+                compared += 1
+                differing += bool(wrong)
+                print(f"{os.path.basename(file)} as {ending}: {'; '.join(wrong) or f'{len(before)} points, the same'}")
+    print(f"{differing} of {compared} differ")
+    return 1 if differing or not compared else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
