@@ -355,8 +355,11 @@ def test_lengths_along_the_ellipsoid_are_those_of_geographiclib(served, opened):
         assert abs(length - on_ellipsoid(one, other)) < 1e-6, (one, other)
 
 
-def test_what_is_measured_is_told(either, opened):
+def test_what_is_measured_is_told(either, opened, grid):
     page = show(opened, either)
+    # From where somebody looks, the camera follows the ground no more.
+    look(page, grid, SIDE // 2, SIDE // 2, 12000)
+    calm(page)
     page.page.keyboard.press("m")
     clicks = [(480, 260), (560, 220), (540, 300)]
     for at in clicks[:2]:
