@@ -77,7 +77,7 @@ pub(super) struct Wanted {
     #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
           help_heading = "Tiles")]
     max_level: Option<u8>,
-    /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a GTX file
+    /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a file (GTX or GeoTIFF)
     #[arg(long, value_name = "FILE", value_parser = names::any(), help_heading = "Tiles")]
     pub(super) geoid: Option<String>,
     /// Write no normals of vertices, which viewers light the ground by
