@@ -24,7 +24,8 @@ use crate::jobs::translate::{
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a pattern in quotes are
-    /// one cloud. The last name is that of the file to write: .las or .laz
+    /// one cloud. The last name is that of the file to write: .las, .laz, .copc.laz for an octree, or .csv, .txt, .xyz
+    /// for text
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     input: Vec<String>,
     #[arg(skip)]
@@ -109,9 +110,7 @@ fn thin_help() -> String {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
-    let mut cloud = args.points.open_options(&resources)?;
-    // A mark is an attribute as others are.
-    cloud.filter.keep_withheld = true;
+    let cloud = args.points.open_options(&resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&cloud), &resources)?;
     check_files(args, &names)?;

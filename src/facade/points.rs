@@ -9,7 +9,8 @@ use terrane_cloud::PointFormat;
 use terrane_jobs::translate::{self, Squares, Thin, TranslateJob, TranslateReport};
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
-/// stay in the order of the files' names and of the points in them.
+/// stay in the order of the files' names and of the points in them; those marked as withheld are kept unless the cloud's
+/// filter drops that mark.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {

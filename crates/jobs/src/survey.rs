@@ -92,8 +92,11 @@ fn options(job: &SurveyJob) -> Result<WriteOptions> {
             .remedy("choose a name with one of these endings; terrane points makes .copc.laz of it")
     })?;
     if job.format.has_waves() {
-        return Err(Error::usage("a synthetic cloud has no waveforms")
-            .remedy("choose point format 0 to 3, or 6 to 8"));
+        return Err(Error::usage(format!(
+            "a synthetic cloud has no waveforms, which point format {} is for",
+            job.format.number()
+        ))
+        .remedy("choose point format 0 to 3, or 6 to 8"));
     }
     let options = WriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
     Ok(WriteOptions { packing, overwrite: job.overwrite, ..options })

@@ -33,7 +33,7 @@ use moved::{Move, MovedRecords};
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
-use terrane_cloud::{Carrier, Census, CloudInfo, OpenOptions, PointFormat, PointSource};
+use terrane_cloud::{Carrier, Census, CloudInfo, Filter, OpenOptions, PointFormat, PointSource};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};
@@ -43,7 +43,7 @@ pub use thin::{KEPT, Keep, Thin};
 pub struct TranslateJob {
     /// File names, folders, patterns, lists.
     pub input: Vec<String>,
-    /// How they are read, and which points.
+    /// How they are read, and which points; those marked as withheld are kept unless the filter drops that mark.
     pub cloud: OpenOptions,
     /// LAS, LAZ or COPC file to write, or a folder of the first two.
     pub output: PathBuf,
@@ -163,7 +163,7 @@ pub fn run(
     let (start, at) = (Instant::now(), At { progress, cancel });
     refuse_existing(&job.output, job.overwrite)?;
     let packing = job.packing()?;
-    let cloud = terrane_cloud::open(&job.input, &job.cloud)?;
+    let cloud = terrane_cloud::open(&job.input, &job.reading())?;
     if job.squares.is_some() {
         squares::refuse_within(cloud.files(), &job.output)?;
     }
@@ -218,6 +218,12 @@ impl TranslateJob {
         let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
         let is_spread = packing == Packing::Nodes || self.squares.is_some();
         choices * needed(points) + if is_spread { SPREAD } else { 0 }
+    }
+
+    /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
+    fn reading(&self) -> OpenOptions {
+        let filter = Filter { keep_withheld: true, ..self.cloud.filter.clone() };
+        OpenOptions { filter, ..self.cloud.clone() }
     }
 
     /// Where points lie in the system asked for.
