@@ -107,7 +107,7 @@ fn killed_runs_lose_one_task_at_most_and_end_with_the_same_bytes() {
 
 /// One run with a fault, and that it ended as it should.
 fn fails_cleanly(place: &Place, fault: &str, expected: &[u8]) -> bool {
-    let mut command = place.command(&["run", "work", "-q", "--threads", "2", "--memory", "26M"]);
+    let mut command = place.command(&["run", "work", "-q", "--threads", "2", "--memory", "28M"]);
     let ran = Ran::from(command.env("TERRANE_FAULT", fault).output().unwrap());
     if ran.code == 0 {
         return false;
