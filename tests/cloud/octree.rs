@@ -153,7 +153,7 @@ fn an_octree_holds_each_point_once_in_its_cube_and_more_than_one_node() {
     }
     assert!(expected.is_empty());
     let bytes = std::fs::read(&output).unwrap();
-    for (threads, memory, format) in [(1, 66, 7), (3, 4096, 7), (2, 100, 7)] {
+    for (threads, memory, format) in [(1, 70, 7), (3, 4096, 7), (2, 100, 7)] {
         let resources = Resources { threads, memory: memory << 20, temp_dir: None };
         let format = Some(PointFormat::new(format).unwrap());
         run(&TranslateJob { resources, format, ..job(&[&input], &output) }).unwrap();
