@@ -247,7 +247,7 @@ fn the_same_bytes_for_any_threads_memory_and_tiles() {
     );
     let mut spilled = 0;
     for (name, tile, threads, memory) in
-        [("b.geojson", 64, 1, 30), ("c.geojson", 100, 3, 1024), ("d.geojson", 350, 2, 64)]
+        [("b.geojson", 64, 1, 32), ("c.geojson", 100, 3, 1024), ("d.geojson", 350, 2, 64)]
     {
         let (bytes, report) = run(name, tile, threads, memory, None);
         assert!(bytes == expected, "{name}");
@@ -425,7 +425,7 @@ fn what_does_not_fit_into_memory_is_refused() {
         let path = folder.path().join("a.geojson");
         let mut job = job("memory", &path, 1.0, 64, 1);
         job.heights = Heights::List(vec![0.5]);
-        job.resources.memory = 28 << 20;
+        job.resources.memory = 30 << 20;
         let error = trace(&grid, &job, &Silent, &Cancel::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
         let told = error.to_string();
