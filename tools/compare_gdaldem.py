@@ -91,7 +91,8 @@ def main():
             steep = np.nan_to_num(samples(folder / "steep.tif", folder)) / 100
             for verb, more, theirs, most in KINDS:
                 ours, other = folder / f"ours-{verb}.tif", folder / f"other-{verb}.tif"
-                scaled = ["--scale", scale] if scale != 1 else []
+                of_slopes = verb in ("slope", "aspect", "hillshade")
+                scaled = ["--scale", scale] if scale != 1 and of_slopes else []
                 mine = run([args.terrane, verb, dem_tif, ours, *more, *scaled, "--threads", 1, "--overwrite", "-q"])
                 scaled = ["-s", scale] if scale != 1 and theirs[0] in ("slope", "hillshade") else []
                 took = run(["gdaldem", theirs[0], dem_tif, other, *theirs[1:], *scaled, "-q"])
