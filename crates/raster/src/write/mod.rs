@@ -8,6 +8,7 @@ mod asc;
 mod cog;
 mod compress;
 mod creation;
+mod csv;
 mod directory;
 mod flt;
 mod geotiff;
@@ -37,7 +38,15 @@ use terrane_files::format::{self, Format};
 /// All formats that can be written. A new one is one file and one line here. Where several have an
 /// ending, the first is meant unless another is named.
 pub const FORMATS: &[GridFormat] =
-    &[store::FORMAT, cog::FORMAT, geotiff::FORMAT, asc::FORMAT, flt::FORMAT, png::FORMAT];
+    &[
+    store::FORMAT,
+    cog::FORMAT,
+    geotiff::FORMAT,
+    asc::FORMAT,
+    flt::FORMAT,
+    png::FORMAT,
+    csv::FORMAT,
+];
 
 /// One format of grids: an entry of [`FORMATS`].
 #[derive(Debug)]
@@ -88,6 +97,8 @@ pub struct BandName {
     pub name: String,
     /// Whether its values are in the vertical unit of the grid.
     pub in_vertical_unit: bool,
+    /// Whether 0 stands for no value.
+    pub counts: bool,
 }
 
 impl WriteOptions {
