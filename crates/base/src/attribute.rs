@@ -34,7 +34,10 @@ pub const ATTRIBUTES: &[Attribute] = &[
     whole(RETURNS, &["returns"], "returns of the pulse"),
     whole(CLASS, &["class"], "class"),
     // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
-    Attribute { step: Some(0.002), ..whole("scan_angle", &["angle"], "angle of the beam in degrees") },
+    Attribute {
+        step: Some(0.002),
+        ..whole("scan_angle", &["angle"], "angle of the beam in degrees")
+    },
     whole("user_data", &["user"], "whatever the user likes"),
     whole("point_source_id", &["source"], "the file or flight line it came from"),
     whole("red", &[], "colour"),
@@ -104,9 +107,7 @@ impl FromStr for Return {
             "only" => Ok(Self::Only),
             number => match number.parse() {
                 Ok(number @ 1..=15) => Ok(Self::Number(number)),
-                _ => {
-                    Err(Error::usage("expected first, last, only, or a number from 1 to 15"))
-                }
+                _ => Err(Error::usage("expected first, last, only, or a number from 1 to 15")),
             },
         }
     }

@@ -5,11 +5,11 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_files::path_of;
 
-use super::{Census, carry};
 use super::member::take_room;
 use super::open::Cloud;
 use super::sieve::Raw;
 use super::write::{Column, TIME};
+use super::{Census, carry};
 
 /// Reads points together with some of their attributes.
 pub trait Columns: Send + Sync {
@@ -130,7 +130,8 @@ impl Cloud {
             let found = self::readers(names, &origin.columns());
             readers.push(found.map_err(|e| e.in_file(&path_of(origin.name)))?);
         }
-        let is_time = |reader: &Reader| matches!(reader, Reader::Field(column) if column.name == TIME);
+        let is_time =
+            |reader: &Reader| matches!(reader, Reader::Field(column) if column.name == TIME);
         if readers.iter().flatten().any(is_time) {
             carry::time_of(&origins)?;
         }

@@ -37,21 +37,19 @@ pub(super) const ATTRIBUTE: Parameter =
 /// What says that it is of some of the points.
 pub(super) const CONDITIONS: [Parameter; 5] = [
     Parameter { key: "class", value: "CODES", about: "points of these classes only, such as 2+9" },
-    Parameter { key: "return", value: "WHICH", about: "first, last, only, or a number: points of this return only" },
+    Parameter {
+        key: "return",
+        value: "WHICH",
+        about: "first, last, only, or a number: points of this return only",
+    },
     Parameter { key: "min", value: "NUMBER", about: "points at this height or higher only" },
     Parameter { key: "max", value: "NUMBER", about: "points below this height only" },
     Parameter { key: "above", value: "NUMBER", about: "points above this height only" },
 ];
 
 /// What all statistics of points take, beside parameters of their own.
-pub const OF_POINTS: [&Parameter; 6] = [
-    &ATTRIBUTE,
-    &CONDITIONS[0],
-    &CONDITIONS[1],
-    &CONDITIONS[2],
-    &CONDITIONS[3],
-    &CONDITIONS[4],
-];
+pub const OF_POINTS: [&Parameter; 6] =
+    [&ATTRIBUTE, &CONDITIONS[0], &CONDITIONS[1], &CONDITIONS[2], &CONDITIONS[3], &CONDITIONS[4]];
 
 /// Names for heights themselves.
 const HEIGHTS: [&str; 2] = ["z", "height"];
@@ -166,7 +164,8 @@ pub struct Selected {
 impl Selector {
     /// For points of `frame` with columns of these attributes, among which are those that the subject takes.
     pub fn new(subject: &Subject, columns: &[String], frame: &Frame) -> Self {
-        let place = |name: &str| columns.iter().position(|own| own == name).unwrap_or(columns.len());
+        let place =
+            |name: &str| columns.iter().position(|own| own == name).unwrap_or(columns.len());
         let wanted = |classes: &Vec<u8>| {
             let mut wanted = [false; 256];
             classes.iter().for_each(|class| wanted[usize::from(*class)] = true);

@@ -104,7 +104,8 @@ fn blocks_of_other_recipes_and_other_regions_are_kept_apart() {
     // Regions: the cell, then the disc.
     let both = recipe("count,nearest,idw", false);
     let mut block = Block::new(&both, 1);
-    let hits = Hits { cells: &[0], points: &[Point::new(0, 0, 8)], squares: &[4], unit: 1.0, reals: &[] };
+    let hits =
+        Hits { cells: &[0], points: &[Point::new(0, 0, 8)], squares: &[4], unit: 1.0, reals: &[] };
     block.add(0, hits).unwrap();
     let values = |block: &Block| [0, 1, 2].map(|i| block.value(&both.bands()[i], 0, &UNITS));
     let [count, nearest, idw] = values(&block);
@@ -224,7 +225,10 @@ fn points_are_scattered_to_the_cells_around_them() {
             let points = points(n, whole, 90);
             let list = format!("idw:radius={0},power={power},nearest:radius={0}", world(radius));
             let recipe = recipe(&list, false);
-            assert_eq!(recipe.regions(), [Region::Disc(world(radius))]);
+            assert_eq!(
+                recipe.regions_of(0).collect::<Vec<_>>(),
+                [(0, Region::Disc(world(radius)))]
+            );
             let mut block = Block::new(&recipe, (stride * window.height) as usize);
             let mut scatter = Scatter::new(&lattice, world(radius));
             // A cell that no point can be nearer to than the radius, but may be as near, is either.
@@ -369,8 +373,13 @@ fn bands_tell_what_they_are_made_of() {
 fn room_for_heights_is_held_until_it_is_given_back() {
     let median = recipe("median", false);
     let mut block = Block::new(&median, 1);
-    let hits =
-        Hits { cells: &[0; 100], points: &[Point::new(0, 0, 1); 100], squares: &[], unit: 1.0, reals: &[] };
+    let hits = Hits {
+        cells: &[0; 100],
+        points: &[Point::new(0, 0, 1); 100],
+        squares: &[],
+        unit: 1.0,
+        reals: &[],
+    };
     block.add(0, hits).unwrap();
     block.parts_mut(&[0]);
     assert!(block.held() >= 100 * median.bytes_per_point());
@@ -406,7 +415,13 @@ fn the_lowest_of_the_points_at_a_centre_is_its_height() {
     let recipe = recipe("idw", false);
     let mut block = Block::new(&recipe, 2);
     let z = [90, -30, 50, 70, 80].map(|z| Point::new(0, 0, z));
-    let hits = Hits { cells: &[0, 0, 0, 1, 1], points: &z, squares: &[0, 0, 1, 1, 1], unit: 1e-3, reals: &[] };
+    let hits = Hits {
+        cells: &[0, 0, 0, 1, 1],
+        points: &z,
+        squares: &[0, 0, 1, 1, 1],
+        unit: 1e-3,
+        reals: &[],
+    };
     block.add(0, hits).unwrap();
     let values = [0, 1].map(|at| block.value(&recipe.bands()[0], at, &UNITS));
     assert_eq!(values, [-30.0 * UNITS.scale + UNITS.offset, 75.0 * UNITS.scale + UNITS.offset]);

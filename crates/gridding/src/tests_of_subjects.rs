@@ -68,7 +68,13 @@ fn block(recipe: &Recipe, all: &[Known]) -> Block {
         Selector::new(subject, &names, &FRAME).select(&points, &columns, &mut out);
         let cells: Vec<u32> = out.points.iter().map(|point| point.x as u32).collect();
         for (region, _) in recipe.regions_of(number) {
-            let hits = Hits { cells: &cells, points: &out.points, squares: &[], unit: 1.0, reals: &out.reals };
+            let hits = Hits {
+                cells: &cells,
+                points: &out.points,
+                squares: &[],
+                unit: 1.0,
+                reals: &out.reals,
+            };
             block.add(region, hits).unwrap();
         }
     }
@@ -168,8 +174,11 @@ const SHARES: &[(&str, Wanted, Wanted)] = &[
     ("share:class=2", |p| p.class == 2, |_| true),
     ("share:min=0,max=1.25,return=2", |p| (0..5).contains(&p.steps) && p.returns[0] == 2, |_| true),
     ("cover", |p| p.steps > 8 && p.returns[0] == 1, |p| p.returns[0] == 1),
-    ("cover:min=2,return=last,class=1", |p| p.steps >= 8 && p.class == 1 && p.returns[0] == p.returns[1],
-        |p| p.class == 1 && p.returns[0] == p.returns[1]),
+    (
+        "cover:min=2,return=last,class=1",
+        |p| p.steps >= 8 && p.class == 1 && p.returns[0] == p.returns[1],
+        |p| p.class == 1 && p.returns[0] == p.returns[1],
+    ),
 ];
 
 fn near(a: f64, b: f64, scale: f64) -> bool {

@@ -91,8 +91,8 @@ impl Statistic {
     /// What surface it is the height of, if it is made of all points and not of those of a cell.
     pub fn shape(&self) -> Option<Shape> {
         match self.method.of {
-            Of::Points { .. } => None,
             Of::All(shape) => Some(shape(self)),
+            _ => None,
         }
     }
 

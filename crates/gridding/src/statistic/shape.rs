@@ -30,7 +30,8 @@ fn moment(values: Sorted<'_>, power: i32) -> Option<f64> {
     Some(values.spread(power)? / n / scale)
 }
 
-const LAYER: Parameter = Parameter { key: "layer", value: NUMBER, about: "height of a layer from 0 on [1]" };
+const LAYER: Parameter =
+    Parameter { key: "layer", value: NUMBER, about: "height of a layer from 0 on [1]" };
 
 pub(super) const ENTROPY: Method = Method {
     name: "entropy",

@@ -169,7 +169,9 @@ impl<'a> Sorted<'a> {
 
     /// The first place from `at` on whose value is not as `is` says.
     pub(super) fn behind(self, at: usize, is: impl Fn(f64) -> bool) -> usize {
-        (at..self.len()).find(|next| self.get(*next).is_some_and(|value| !is(value))).unwrap_or(self.len())
+        (at..self.len())
+            .find(|next| self.get(*next).is_some_and(|value| !is(value)))
+            .unwrap_or(self.len())
     }
 
     /// The mean, from the lowest on, so that the order of points leaves no trace.

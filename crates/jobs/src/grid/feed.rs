@@ -86,7 +86,9 @@ impl Feed<'_> {
 
     fn read(&self, part: usize, worker: &mut Worker<'_>) -> Result<Census> {
         match self.columns {
-            Some(columns) => columns.read(part, &mut |points, columns| worker.take(points, columns)),
+            Some(columns) => {
+                columns.read(part, &mut |points, columns| worker.take(points, columns))
+            }
             None => self.source.read(part, &mut |points| worker.take(points, &[])),
         }
     }

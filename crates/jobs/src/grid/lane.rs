@@ -82,10 +82,13 @@ impl<'a> Lane<'a> {
         let lattice = &self.feed.extent.lattice;
         lattice.x.numbers(points.iter().map(|p| p.x), &mut self.cols);
         lattice.y.numbers(points.iter().map(|p| p.y), &mut self.rows);
-        let reach = self.reach();
-        if reach == (0, 0) && self.is_inside() && self.index_own() {
-            return self.hand_over_own(points, reals);
+        if let [(region, None)] = *self.regions.as_slice()
+            && self.is_inside()
+            && self.index_own()
+        {
+            return self.hand_over_own(region, points, reals);
         }
+        let reach = self.reach();
         self.batch.clear();
         match reach {
             (0, 0) => self.place_own(points),
@@ -103,7 +106,8 @@ impl<'a> Lane<'a> {
 
     /// Most columns and rows that any region reaches beyond a point's cell.
     fn reach(&self) -> (i64, i64) {
-        let reaches = self.regions.iter().filter_map(|(_, scatter)| Some(scatter.as_ref()?.reach()));
+        let reaches =
+            self.regions.iter().filter_map(|(_, scatter)| Some(scatter.as_ref()?.reach()));
         reaches.fold((0, 0), |(x, y), (a, b)| (x.max(a), y.max(b)))
     }
 
@@ -130,21 +134,19 @@ impl<'a> Lane<'a> {
         !self.batch.is_scattered()
     }
 
-    /// Hands the points of a batch over as they are.
-    fn hand_over_own(&mut self, points: &[Point], reals: &[f64]) -> Result<()> {
+    /// Hands the points of a batch over as they are, to the only region.
+    fn hand_over_own(&mut self, region: usize, points: &[Point], reals: &[f64]) -> Result<()> {
         let Feed { blocks, extent, .. } = *self.feed;
         if extent.fill > 0 {
             let places = self.cols.iter().zip(&self.rows);
             let outside = places.filter(|(col, row)| !is_in(extent.output, **col, **row));
             self.outside += outside.count() as u64;
         }
-        // Points of discs reach beyond their cells: this is the only region.
-        let Some((region, _)) = self.regions.first() else { return Ok(()) };
         let batch = &self.batch;
         batch.runs().try_for_each(|run| {
             let (cells, points) = (&batch.cells[run.clone()], &points[run.clone()]);
             let hits = Hits { cells, points, squares: &[], unit: 0.0, reals };
-            blocks.change(batch.blocks[run.start], |block| block.add(*region, hits))
+            blocks.change(batch.blocks[run.start], |block| block.add(region, hits))
         })
     }
 
@@ -222,7 +224,13 @@ impl Run<'_> {
     fn inside<'a>(&'a self, window: Rect, own: &'a mut Batch) -> Hits<'a> {
         let outside = |(col, row): &(i32, i32)| !is_in(window, *col, *row);
         if !self.places.iter().any(outside) {
-            return Hits { cells: self.cells, points: self.points, squares: &[], unit: 0.0, reals: &[] };
+            return Hits {
+                cells: self.cells,
+                points: self.points,
+                squares: &[],
+                unit: 0.0,
+                reals: &[],
+            };
         }
         own.clear();
         let points = self.places.iter().zip(self.points.iter().zip(self.cells));

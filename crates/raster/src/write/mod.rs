@@ -37,8 +37,7 @@ use terrane_files::format::{self, Format};
 
 /// All formats that can be written. A new one is one file and one line here. Where several have an
 /// ending, the first is meant unless another is named.
-pub const FORMATS: &[GridFormat] =
-    &[
+pub const FORMATS: &[GridFormat] = &[
     store::FORMAT,
     cog::FORMAT,
     geotiff::FORMAT,
