@@ -231,6 +231,33 @@ fn what_points_do_not_have_is_refused_by_file_and_name() {
     place.ok(&["grid", "a.xyz", "o.tif", "--cell", "1", "--stat", "mode,count:return=1"]);
 }
 
+/// Heights above the ground are a dimension, or take the place of z.
+#[test]
+fn heights_above_the_ground_are_gridded_by_either_way() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=60,density=4,seed=8", "c.laz"]);
+    place.ok(&["points", "c.laz", "d.laz", "--height-above-ground", "-q"]);
+    place.ok(&["points", "c.laz", "z.laz", "--height-above-ground=z", "-q"]);
+    let grid = |input: &str, output: &str, stat: &str| {
+        let args =
+            ["grid", input, output, "--cell", "5", "--stat", stat, "--type", "float64", "-q"];
+        place.ok(&args);
+        Table::read(&place, output).rows
+    };
+    let of = ":attribute=HeightAboveGround";
+    let list = ["mean", "max", "std", "p90", "skewness"];
+    let by_dimension = grid("d.laz", "d.csv", &list.map(|name| format!("{name}{of}")).join(","));
+    let as_z = grid("z.laz", "z.csv", &list.join(","));
+    assert!(as_z.len() > 100 && by_dimension.len() == as_z.len());
+    for (one, other) in by_dimension.iter().zip(&as_z) {
+        let is_near = |(a, b): (&f64, &f64)| a.is_nan() && b.is_nan() || (a - b).abs() < 1e-6;
+        assert!(one.iter().zip(other).all(is_near), "{one:?} {other:?}");
+    }
+    let cover = grid("z.laz", "e.csv", "cover,share:max=0.5,entropy,count");
+    let within = |row: &Vec<f64>| row[2..5].iter().all(|v| v.is_nan() || (0.0..=1.0).contains(v));
+    assert!(cover.iter().all(within) && cover.iter().any(|row| row[2] > 0.2 && row[2] < 0.9));
+}
+
 #[test]
 fn tables_hold_what_grids_do_and_appear_whole() {
     let place = Place::new();
