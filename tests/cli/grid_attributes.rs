@@ -142,6 +142,15 @@ fn filters_of_the_cloud_come_before_those_of_statistics() {
     assert_eq!((&both, &own), (&filtered, &filtered));
     let none = grid("d.csv", "mean:class=2,count:class=2", &["--class", "5"]);
     assert_eq!(none, "");
+    // Points in no cell are those of the cloud, whatever the statistics are of.
+    let outside = |stat: &str| {
+        let args =
+            ["grid", "c.laz", "o.tif", "--cell", "5", "--stat", stat, "--overwrite", "--json"];
+        let cells = ["--bbox", "500010,4750010,500025,4750025"];
+        json(&place.ok(&[&args[..], &cells].concat()).out)["outside_grid"].as_u64().unwrap()
+    };
+    assert!(outside("count") > 1000);
+    assert_eq!(outside("count:class=2,max:above=300"), outside("count"));
 }
 
 /// A LAS 1.2 file of points of format 0 in a square, in whole units, with extra bytes: a gain of one byte in
