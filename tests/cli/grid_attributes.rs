@@ -294,5 +294,13 @@ fn tables_hold_what_grids_do_and_appear_whole() {
         65,
         &["u.csv", "1.5", "--round"],
     );
+    let with = [&args[..2], &["u.csv"], &args[3..]].concat();
+    place.fails(&[&with[..], &["--nodata", "-1"]].concat(), 2, &["--nodata cannot act", "CSV"]);
+    place.ok(&["grid", "a.xyz", "a.tif", "--cell", "0.5", "-q"]);
+    let convert = ["convert", "a.tif", "u.csv"];
+    place.fails(&[&convert[..], &["--out-nodata", "0"]].concat(), 2, &["--out-nodata cannot act"]);
     assert!(!place.path("u.csv").exists());
+    place.ok(&convert);
+    let text = std::fs::read_to_string(place.path("u.csv")).unwrap();
+    assert_eq!(text, "x,y,z\n5.75,3.75,7\n0.25,0.25,1.5\n0.75,0.25,2\n5.75,0.25,-3\n");
 }

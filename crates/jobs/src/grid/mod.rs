@@ -236,6 +236,9 @@ impl GridJob {
     pub fn check(&self) -> Result<()> {
         let format = self.format()?;
         format.check(&self.creation)?;
+        if self.nodata != NODATA {
+            format.check_voids("--nodata")?;
+        }
         gridding::check_power(self.power.unwrap_or(1.0))?;
         if self.stats.is_empty() {
             return Err(Error::usage("no statistic is asked for").remedy("add --stat mean"));

@@ -21,6 +21,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     options: &[],
     several_bands: true,
     holds_types: true,
+    names_voids: false,
     bytes_per_sample: 160,
     create: |order| Ok(Box::new(CsvSink::new(order)?)),
 };
@@ -53,9 +54,9 @@ struct Rows {
 impl CsvSink {
     fn new(order: &Order<'_>) -> Result<Self> {
         let sample_type = order.options.sample_type.unwrap_or(order.info.sample_type);
-        let info = GridInfo { sample_type, ..order.heights(SampleType::F64)? };
+        let info = GridInfo { sample_type, nodata: None, ..order.heights(SampleType::F64)? };
         let is_float = matches!(sample_type, SampleType::F32 | SampleType::F64);
-        let codec = Codec::new(&GridInfo { nodata: None, ..info.clone() });
+        let codec = Codec::new(&info);
         let codec = (!is_float).then(|| codec.rounding(order.rounding()));
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         let mut sidecars = Sidecars::new(order.path, order.options);

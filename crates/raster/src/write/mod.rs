@@ -62,6 +62,8 @@ pub struct GridFormat {
     pub several_bands: bool,
     /// Whether samples are held as the type that is asked for; else as the format has them.
     pub holds_types: bool,
+    /// Whether voids may be written as a value that is asked for.
+    pub names_voids: bool,
     /// Bytes that a thread holds for each sample of a block, heights included, at most.
     pub bytes_per_sample: u64,
     /// Starts a file.
@@ -180,8 +182,23 @@ impl GridFormat {
     ) -> Result<Box<dyn GridSink>> {
         let creation = Creation::new(self.name, self.options, &options.creation)?;
         self.check_bands(options)?;
+        if options.nodata.is_some() {
+            self.check_voids("--out-nodata")?;
+        }
         refuse_old_sidecars(path)?;
         (self.create)(&Order { path, info, options, creation }).map_err(|e| e.in_file(path))
+    }
+
+    /// Fails where the option that names a value for voids cannot act.
+    ///
+    /// # Errors
+    /// Usage: voids of the format have no value.
+    pub fn check_voids(&self, option: &str) -> Result<()> {
+        if self.names_voids {
+            return Ok(());
+        }
+        Err(Error::usage(format!("{option} cannot act: {} has no value for voids", self.name))
+            .remedy(format!("leave {option} out")))
     }
 
     fn check_bands(&self, options: &WriteOptions) -> Result<()> {
