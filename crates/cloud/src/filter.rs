@@ -47,7 +47,7 @@ pub enum Return {
 }
 
 /// Marks that a point may bear, by the bits of LAS 1.4.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Flags(pub u8);
 
 impl Flags {

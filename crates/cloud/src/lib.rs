@@ -2,6 +2,7 @@
 
 mod agree;
 mod carry;
+mod class;
 mod copc;
 mod facts;
 mod filter;
@@ -20,7 +21,8 @@ pub mod synth;
 mod text;
 pub mod write;
 
-pub use carry::Carrier;
+pub use carry::{Carrier, Seen, Sight};
+pub use class::class_name;
 pub use filter::{Filter, Flags, Gate, Record, Return, Verdict};
 pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
