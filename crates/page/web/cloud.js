@@ -259,13 +259,13 @@ function tellFigures() {
   $('about').textContent = facts.about;
   rows($('figures'), [
     ['Points', of],
-    ['In this page', held < of ? count(held) + ' (' + num((held * 100) / of) + ' %)' : 'all'],
-    ['Of these shown', countShown()],
+    ['In the page', held < of ? count(held) + ' (' + num((held * 100) / of) + ' %)' : 'all'],
+    ['Shown', countShown()],
     ['Files', facts.files],
     [facts.geographic ? 'Lon' : 'X', span(bounds.x, level)],
     [facts.geographic ? 'Lat' : 'Y', span(bounds.y, level)],
     ['Heights', span(bounds.z, upright) + ' ' + facts.units[1]],
-    ...(width * depth > 0 ? [['Points to a m² of the box', num(of / (width * depth))]] : []),
+    ...(width * depth > 0 ? [['Points per m²', num(of / (width * depth))]] : []),
   ]);
   $('notes').textContent = facts.notes.join(' ');
 }

@@ -80,7 +80,7 @@ void main() {
     uvec2 other = texelFetch(points, there, 0).rg;
     if (other.x != 0u) sum += max(0.0, depth - log2(uintBitsToFloat(other.g)));
   }
-  seen = vec4(texelFetch(colours, here, 0).rgb * max(0.25, exp(-strength * sum / 8.0)), 1);
+  seen = vec4(texelFetch(colours, here, 0).rgb * max(0.35, exp(-strength * sum / 8.0)), 1);
 }`;
 
 /** Points that are drawn or left out together. */
@@ -223,7 +223,7 @@ class CloudDrawing {
     gl.uniform1i(at.colours, 0);
     gl.uniform1i(at.points, 1);
     gl.uniform1f(at.radius, Math.max(1.5, 0.6 * how.size));
-    gl.uniform1f(at.strength, how.shade ? 60 : 0);
+    gl.uniform1f(at.strength, how.shade ? 45 : 0);
     gl.uniform3f(at.sky, ...SKY);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
