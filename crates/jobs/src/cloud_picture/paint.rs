@@ -9,7 +9,7 @@ use terrane_render::{Field, Tint, class_colour, text_size, write_text};
 /// Sides of a picture that is not enlarged are longer than half of this.
 const SMALL: usize = 800;
 /// Least columns, so that the legend fits.
-const LEAST: usize = 420;
+const LEAST: usize = 480;
 /// Pixels of a dot of a letter, between lines of the legend, of its bar and swatches.
 const DOT: usize = 2;
 const LEADING: usize = 7;
@@ -127,12 +127,13 @@ impl Colours {
 
     fn lines(&self, map: &Map, found: &Found, info: &CloudInfo) -> Vec<Line> {
         let unit = info.crs.horizontal_unit();
-        let cells = format!("cells of {}", map.cells.side);
+        let cells = Line::Text(format!("cells of {} {unit}", map.cells.side), String::new());
         match self {
             Self::Density(most) => vec![
                 Line::Bar((0..256).map(|i| between(f64::from(i) / 255.0)).collect()),
                 Line::Text("0".to_owned(), format!("{} and more", short(most / map.cells.area()))),
-                Line::Text(format!("points per square {unit}"), cells),
+                Line::Text(format!("points per square {unit}"), String::new()),
+                cells,
             ],
             Self::Voids => {
                 let percent = short(100.0 * found.voids.share);
@@ -140,7 +141,7 @@ impl Colours {
                 vec![
                     Line::Swatch(FILLED, format!("{filled} cells with points")),
                     Line::Swatch(VOID, format!("{voids} cells without, {percent} percent")),
-                    Line::Text(String::new(), cells),
+                    cells,
                 ]
             }
             Self::Height(tint, _) => {
@@ -149,7 +150,8 @@ impl Colours {
                 vec![
                     Line::Bar((0..256).map(|i| rounded(tint.colour(at(i) as f32))).collect()),
                     Line::Text(short(low), short(high)),
-                    Line::Text("highest points".to_owned(), cells),
+                    Line::Text("highest points".to_owned(), String::new()),
+                    cells,
                 ]
             }
             Self::Class => {
@@ -160,7 +162,8 @@ impl Colours {
                 let swatch = |class: u8| {
                     Line::Swatch(class_colour(class), format!("{class} {}", class_name(class)))
                 };
-                there.map(swatch).chain([Line::Text("highest points".to_owned(), cells)]).collect()
+                let highest = Line::Text("class of highest points".to_owned(), String::new());
+                there.map(swatch).chain([highest, cells]).collect()
             }
         }
     }
