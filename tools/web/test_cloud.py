@@ -25,7 +25,7 @@ def read_las(path):
 @pytest.fixture(scope="session")
 def cloud(place):
     """A cloud and its page."""
-    terrane("synth", "cloud,width=80,height=80,seed=3", place / "cloud.las")
+    terrane("synth", "cloud,size=120,density=3,seed=7", place / "cloud.las")
     report = terrane("view", place / "cloud.las", "--html", place / "cloud.html", "--keep-withheld")
     return {"report": report, "page": place / "cloud.html", "las": read_las(place / "cloud.las")}
 

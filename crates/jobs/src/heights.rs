@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 /// Most steps that are counted.
-const MOST_STEPS: i64 = 4096;
+const MOST_STEPS: i64 = 1 << 14;
 /// The finest steps, as a power of two, and heights beyond which all are one.
 const FINEST: i32 = -20;
 const MOST_HEIGHT: f64 = (1_u64 << 40) as f64;
@@ -102,6 +102,10 @@ impl Spread {
 
     /// The count of a step, between those there are or made for it; `None` where it is too far from them.
     fn place(&mut self, step: i64) -> Option<&mut u64> {
+        let place = step.wrapping_sub(self.first) as usize;
+        if place < self.counts.len() {
+            return self.counts.get_mut(place);
+        }
         if self.counts.is_empty() {
             self.first = step;
         }

@@ -18,7 +18,7 @@ async function start() {
   const [x, y, z, marks, intensity, rgb] = await Promise.all(names.map((name) => (has(name) ? array(name) : null)));
   const ground = ['x', 'y', 'z'].map((name, k) => facts[name].step * facts.ground[k]);
   const heights = endsOf(z, BEYOND);
-  drawing = new CloudDrawing($('view'), { x, y, z, marks, intensity, rgb }, ground, (heights[0] + heights[1]) / 2);
+  drawing = new CloudDrawing($('view'), { x, y, z, marks, intensity, rgb }, ground, heights);
   const world = (name, code) => facts[name].low + code * facts[name].step;
   scene = {
     x, y, z, marks, intensity, rgb, world, heights, strengths: intensity ? endsOf(intensity, 0.01) : [0, 1],

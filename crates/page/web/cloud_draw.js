@@ -92,16 +92,16 @@ const ATTRIBUTES = ['x', 'y', 'z', 'marks', 'intensity', 'rgb'];
 
 class CloudDrawing {
   /** `data`: codes of x, y and z, marks, intensities and colours or null; `ground`: metres of a step along each axis;
-      `level`: the code of z that is in the middle. */
-  constructor(canvas, data, ground, level) {
+      `heights`: codes of z that the scene reaches between, whatever lies far off. */
+  constructor(canvas, data, ground, [low, high]) {
     const gl = canvas.getContext('webgl2', { antialias: false, preserveDrawingBuffer: false, powerPreference: 'high-performance' });
     if (!gl) throw new Error('this browser has no WebGL 2');
     Object.assign(this, { gl, canvas, data, scale: ground, points: data.x.length, drawn: 0 });
     const top = (codes) => codes.reduce((most, code) => (code > most ? code : most), 0);
     this.top = [data.x, data.y, data.z].map(top);
-    this.middle = [this.top[0] / 2, this.top[1] / 2, level];
-    const half = (k) => (this.top[k] / 2) * ground[k];
-    this.radius = Math.max(Math.hypot(half(0), half(1)), half(2)) || 1;
+    this.middle = [this.top[0] / 2, this.top[1] / 2, (low + high) / 2];
+    const half = [this.top[0], this.top[1], high - low].map((codes, k) => (codes / 2) * ground[k]);
+    this.radius = Math.max(Math.hypot(half[0], half[1]), half[2]) || 1;
     this.program = linked(gl, POINT_VERTEX, POINT_FRAGMENT);
     this.shading = linked(gl, SHADE_VERTEX, SHADE_FRAGMENT);
     this.upload();

@@ -97,9 +97,9 @@ pub(super) fn rows(report: &PictureReport, unit: &str) -> Vec<(String, String)> 
     let area = |area: f64| format!("{} square {unit}", text::number(area));
     let voids = &report.voids;
     let mut told = format!(
-        "{} cells, {} % of the hull, {}",
+        "{} cells, {:.1} % of the hull, {}",
         text::count(voids.cells),
-        text::number(100.0 * voids.share),
+        100.0 * voids.share,
         area(voids.area)
     );
     if let Some(bounds) = voids.largest_bounds {

@@ -301,7 +301,7 @@ mod tests {
         assert_eq!(density[2], CLEAR, "outside");
         assert_eq!(density[4], CLEAR, "a void");
         assert_eq!(density[5], opaque(DENSITIES[5]), "the densest");
-        assert!(density[0][2] > density[1][2] && density[1][2] > density[6][2], "{density:?}");
+        assert!(density[0][0] > density[1][0] && density[1][0] > density[6][0], "{density:?}");
         let voids = painted(&map, Shows::Voids);
         assert_eq!([voids[0], voids[4], voids[2]], [opaque(FILLED), opaque(VOID), CLEAR]);
         let classes = painted(&map, Shows::Class);
