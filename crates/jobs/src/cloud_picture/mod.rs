@@ -293,7 +293,7 @@ pub(super) mod tests {
         let lattice = Lattice::new(&frame, [0.0; 2], [1.0; 2], Edges::default());
         let cells = Cells { side: 1.0, lattice, first: [0, 0], size: [rows[0].len(), rows.len()] };
         let counts = rows.concat();
-        let tops = counts.iter().map(|n| ordered(*n as i32 * 100) << 8 | n % 3).collect();
+        let tops = counts.iter().map(|n| (ordered(*n as i32 * 100) << 8) | (n % 3)).collect();
         Map { points: counts.iter().sum(), cells, counts, tops }
     }
 

@@ -41,9 +41,10 @@ pub(super) fn find(map: &Map) -> Found {
     for (row, ends) in hull.iter().enumerate() {
         let Some([first, last]) = *ends else { continue };
         all += (last - first + 1) as u64;
-        for cell in row * columns + first..=row * columns + last {
-            open[cell] = !map.is_filled(cell);
-            cells += u64::from(open[cell]);
+        let within = row * columns + first..=row * columns + last;
+        for (open, count) in open[within.clone()].iter_mut().zip(&map.counts[within]) {
+            *open = *count == 0;
+            cells += u64::from(*open);
         }
     }
     let (largest, ends) = largest(open, map.cells.size);
