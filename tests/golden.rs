@@ -302,6 +302,10 @@ fn jobs() -> Vec<String> {
     ] {
         add(format!("info ../in/{input} --json"));
     }
+    add("info ../in/dense.laz --stats --json".into());
+    for what in ["density", "voids", "height", "class"] {
+        add(format!("info ../in/dense.laz --picture o.png --picture-of {what} --cell 1"));
+    }
     add("info ../in/mesh.ply --quality --grid ../in/rough.tif --json".into());
     for proof in [
         "mesh.ply ../in/rough.tif",

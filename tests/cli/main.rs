@@ -55,5 +55,6 @@ mod tin_keep;
 mod tin_limits;
 mod tin_methods;
 mod transform;
+mod view_cloud;
 mod view_page;
 mod water;

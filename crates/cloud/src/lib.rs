@@ -2,6 +2,7 @@
 
 mod agree;
 mod carry;
+mod class;
 mod columns;
 mod copc;
 mod facts;
@@ -21,7 +22,8 @@ pub mod synth;
 mod text;
 pub mod write;
 
-pub use carry::Carrier;
+pub use carry::{Carrier, Seen, Sight};
+pub use class::class_name;
 pub use columns::{Columns, Each};
 pub use filter::{Filter, Flags, Gate, Record, Verdict};
 pub use format::PointFormat;

@@ -32,7 +32,7 @@ const MOST_NOTES: usize = 20;
 const CLOUDS: Seek = Seek { what: "point cloud", is_member, file_name: |input| input };
 
 /// How a cloud is read.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OpenOptions {
     /// Which points are wanted.
     pub filter: Filter,

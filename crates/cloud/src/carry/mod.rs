@@ -3,6 +3,7 @@
 
 mod extra;
 mod recast;
+mod seen;
 
 use std::collections::HashSet;
 
@@ -18,6 +19,7 @@ use crate::write::{Carried, Column, Lines, Packing, Vlr as Record, WriteOptions,
 use crate::{Census, CloudInfo, PointSource};
 use extra::Extra;
 pub(crate) use recast::Recast;
+pub use seen::{Seen, Sight};
 
 /// Who writes records that tell of reference systems; who writes those of octrees.
 const PROJECTION: &str = "LASF_Projection";
