@@ -199,6 +199,8 @@ fn jobs() -> Vec<String> {
         "--stat mean,max --fill 3",
         "--stat mean,idw --compat pdal --radius 1.5",
         "--stat count,min --compat lasr",
+        "--stat max:attribute=intensity,std:attribute=angle,mean:attribute=time,nearest:attribute=source",
+        "--stat count:class=2,mean:return=last,density:min=950,max=960,share:class=2,p95:above=950",
         "--stat mean --every 3 --return last",
         "--stat mean --align 0.25,0.75 --type int16 --round --nodata -1",
     ] {
@@ -220,6 +222,13 @@ fn jobs() -> Vec<String> {
     }
     add("points ../in/dense.laz ../in/thin.las o.copc.laz".into());
     add("points ../in/dense.laz o --tile 25 --buffer 2".into());
+    for options in [
+        "--height-above-ground",
+        "--height-above-ground=z --classify ground --classify height",
+        "--classify height:20=1,21=4 --ground class --class 5",
+    ] {
+        add(format!("points ../in/steep.laz o.laz {options}"));
+    }
     for format in raster::write::FORMATS {
         let (name, ending) = (format.name, format.extensions[0]);
         let round = if format.holds_types { "" } else { " --round" };

@@ -15,6 +15,7 @@ mod crs_matrix;
 mod demo_methods;
 mod geoids;
 mod grid;
+mod grid_attributes;
 mod help;
 mod info_features;
 mod info_quality;

@@ -5,6 +5,8 @@ mod cloud_support;
 #[path = "../common/data.rs"]
 mod data;
 
+mod above;
+mod columns;
 mod filters;
 mod formats;
 mod octree;

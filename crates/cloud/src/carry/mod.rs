@@ -15,7 +15,7 @@ use crate::format::PointFormat;
 use crate::las::{LASZIP, LasFile, Vlr};
 use crate::member::{File, take_room};
 use crate::open::Cloud;
-use crate::write::{Carried, Lines, Packing, Vlr as Record, WriteOptions};
+use crate::write::{Carried, Column, Lines, Packing, Vlr as Record, WriteOptions, columns};
 use crate::{Census, CloudInfo, PointSource};
 use extra::Extra;
 pub(crate) use recast::Recast;
@@ -48,12 +48,17 @@ pub struct Carrier<'a> {
     carried: Carried,
     /// By file.
     recasts: Vec<Recast>,
+    /// Where a record has its height above the ground.
+    heights: Option<usize>,
     notes: Vec<String>,
 }
 
+/// The dimension of heights above the ground, by the name that others have for it.
+const HEIGHTS: (&str, &str) = ("HeightAboveGround", "Height above ground");
+
 /// What is known of a file of the cloud.
-struct Origin<'a> {
-    name: &'a str,
+pub(crate) struct Origin<'a> {
+    pub(crate) name: &'a str,
     /// `None` for text.
     las: Option<&'a LasFile>,
     format: PointFormat,
@@ -62,18 +67,28 @@ struct Origin<'a> {
 
 impl<'a> Carrier<'a> {
     /// For records of this format in a file so packed; of the first that holds all fields of all files when `None`.
+    /// They have a dimension for heights above the ground where so told, which are not known yet.
     ///
     /// # Errors
     /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file; a format that
     /// cannot be so packed.
-    pub fn new(cloud: &'a Cloud, format: Option<PointFormat>, packing: Packing) -> Result<Self> {
+    pub fn new(
+        cloud: &'a Cloud,
+        (format, packing): (Option<PointFormat>, Packing),
+        has_heights: bool,
+    ) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
         let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
         let format = match format {
             Some(asked) => packing.check(asked).map(|()| asked)?,
             None => packing.holding(held.unwrap_or_default())?,
         };
-        let extra = Extra::of_all(&origins)?;
+        let (info, as_stored) = cloud.as_stored();
+        let mut extra = Extra::of_all(&origins)?;
+        let heights = has_heights.then(|| {
+            let (name, about) = HEIGHTS;
+            format.size() + extra.put_steps(name, about, info.frame.scale[2])
+        });
         let (vlrs, mut notes) = records(&origins, format)?;
         let recast =
             |origin: &Origin<'_>| Recast::new((origin.format, &origin.extra), (format, &extra));
@@ -93,8 +108,7 @@ impl<'a> Carrier<'a> {
         if packing == Packing::Text && extra.has_others() {
             notes.push("extra bytes that are no numbers are left out".to_owned());
         }
-        let (info, as_stored) = cloud.as_stored();
-        Ok(Self { cloud, info, as_stored, format, extra, carried, recasts, notes })
+        Ok(Self { cloud, info, as_stored, format, extra, carried, recasts, heights, notes })
     }
 
     /// The format of the records.
@@ -115,6 +129,11 @@ impl<'a> Carrier<'a> {
     /// How many of these are extra bytes.
     pub fn extra_bytes(&self) -> usize {
         self.carried.extra_bytes.into()
+    }
+
+    /// Where a record has its height above the ground, in steps of heights (`i32`; the least stands for none).
+    pub fn heights_at(&self) -> Option<usize> {
+        self.heights
     }
 
     /// A file with these records, or with them as they are in another frame and system.
@@ -147,7 +166,8 @@ impl<'a> Carrier<'a> {
 }
 
 impl Cloud {
-    fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
+    /// What is known of its files.
+    pub(crate) fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
         self.files().iter().zip(self.kinds()).map(|(name, file)| match file {
             File::Las(file) => Origin::of(name, file).map_err(|e| e.in_file(&file.path)),
             File::Text(_) => Ok(Origin {
@@ -170,6 +190,14 @@ impl<'a> Origin<'a> {
         };
         let extra = Extra::of(&described, file.header.extra_bytes().into())?;
         Ok(Self { name, las: Some(file), format, extra })
+    }
+
+    /// The columns of its records; none of text, which has no more than all points have.
+    pub(crate) fn columns(&self) -> Vec<Column> {
+        match self.las {
+            Some(_) => columns(self.format, &self.extra.columns(self.format.size())),
+            None => Vec::new(),
+        }
     }
 
     fn encoding(&self) -> u16 {
@@ -216,21 +244,30 @@ fn described(extra: &Extra) -> Option<Record> {
 
 /// The bits of the global encoding that hold for all files.
 fn encoding(origins: &[Origin<'_>], format: PointFormat) -> Result<u16> {
+    let time = time_of(origins)?;
+    let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
+    let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
+    Ok(time | all & (MADE_RETURNS | waves))
+}
+
+/// The bit of the global encoding that says how times are counted.
+///
+/// # Errors
+/// Files that do not count them alike.
+pub(crate) fn time_of(origins: &[Origin<'_>]) -> Result<u16> {
     let mut timed = origins.iter().filter(|origin| origin.has_time());
     let of_time = |origin: &Origin<'_>| origin.encoding() & STANDARD_TIME;
     let first = timed.next();
     let time = first.map_or(STANDARD_TIME, of_time);
-    if let (Some(first), Some(other)) = (first, timed.find(|origin| of_time(origin) != time)) {
-        return Err(Error::unsupported(format!(
+    match (first, timed.find(|origin| of_time(origin) != time)) {
+        (Some(first), Some(other)) => Err(Error::unsupported(format!(
             "its times are counted otherwise than those of {}: in seconds of the week, or of all GPS time",
             shown(first.name)
         ))
         .in_file(&path_of(other.name))
-        .remedy("write them on their own, or bring their times into one"));
+        .remedy("write them on their own, or bring their times into one")),
+        _ => Ok(time),
     }
-    let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
-    let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
-    Ok(time | all & (MADE_RETURNS | waves))
 }
 
 /// The records that are carried, and what is to be said of others.
