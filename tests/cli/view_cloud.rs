@@ -172,7 +172,7 @@ fn counts_and_voids_are_those_of_the_points() {
     let is_there = |(x, y): (u32, u32)| ![(1, 1), (1, 2), (4, 4)].contains(&(x, y));
     let points = (0..25).map(|i| (i % 5, i / 5)).filter(|place| is_there(*place));
     let lines: String = points.map(|(x, y)| format!("{}.5,{}.5,{}.25\n", x, y, x + y)).collect();
-    place.write("points.csv", &format!("x,y,z\n{lines}0.75,0.75,9.00\n"));
+    place.write("points.csv", format!("x,y,z\n{lines}0.75,0.75,9.00\n"));
     let draw = |more: &[&str]| {
         let args = ["info", "cloud:points.csv", "--picture", "a.png", "--overwrite", "--json"];
         json(&place.ok(&[&args[..], more].concat()).out)["picture"].clone()

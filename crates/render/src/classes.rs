@@ -49,7 +49,7 @@ mod tests {
     #[test]
     fn classes_can_be_told_apart() {
         let apart =
-            |a: [u8; 3], b: [u8; 3]| (0..3).map(|i| a[i].abs_diff(b[i]).into()).sum::<u32>();
+            |a: [u8; 3], b: [u8; 3]| (0..3).map(|i| u32::from(a[i].abs_diff(b[i]))).sum::<u32>();
         for a in 0..23 {
             for b in 0..a {
                 let [of_a, of_b] = [a, b].map(class_colour);
