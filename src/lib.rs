@@ -88,7 +88,9 @@ pub use terrane_jobs::line::LineReport;
 pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tiles::{Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
-pub use terrane_jobs::translate::{BufferMark, Keep, Squares, Thin, TranslateReport};
+pub use terrane_jobs::translate::{
+    Above, BufferMark, Classify, HeightsAs, Keep, Layers, Squares, Thin, TranslateReport,
+};
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, Progress};
 pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType, WaterReport};

@@ -220,6 +220,13 @@ fn jobs() -> Vec<String> {
     }
     add("points ../in/dense.laz ../in/thin.las o.copc.laz".into());
     add("points ../in/dense.laz o --tile 25 --buffer 2".into());
+    for options in [
+        "--height-above-ground",
+        "--height-above-ground=z --classify ground --classify height",
+        "--classify height:20=1,21=4 --ground class --class 5",
+    ] {
+        add(format!("points ../in/steep.laz o.laz {options}"));
+    }
     for format in raster::write::FORMATS {
         let (name, ending) = (format.name, format.extensions[0]);
         let round = if format.holds_types { "" } else { " --round" };

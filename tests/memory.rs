@@ -283,6 +283,7 @@ const JOBS: &[&str] = &[
     "points dense.laz o.las",
     "points dense.laz o.laz --thin 0.5:lowest --dedupe",
     "points dense.laz o.copc.laz",
+    "points dense.laz o3.laz --classify ground --height-above-ground",
     "points dense.laz o5 --tile 100 --buffer 5",
     "points dense.laz o2.laz --to-crs EPSG:4326",
 ];

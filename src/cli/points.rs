@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::cli::shared::ground::GroundName;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::points::{self, Points, parse_format};
 use crate::cli::shared::system::{self, System};
@@ -12,7 +13,8 @@ use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
 use crate::jobs::translate::{
-    self, BufferMark, KEPT, Squares, Thin, TranslateJob, TranslateReport,
+    self, Above, BufferMark, Classify, HeightsAs, KEPT, Layers, Squares, Thin, TranslateJob,
+    TranslateReport,
 };
 
 /// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
@@ -39,6 +41,18 @@ pub(super) struct Args {
     /// Only one point of each square of this size, in units of x and y
     #[arg(long, value_name = "CELL[:WHICH]", long_help = thin_help())]
     thin: Option<Thin>,
+    /// How high points are above the ground, exactly in the triangulation of its points: in the dimension
+    /// HeightAboveGround of their extra bytes, or with =z as their z
+    #[arg(long, value_name = "AS", num_args = 0..=1, require_equals = true, default_missing_value = "dimension", value_parser = ["dimension", "z"], help_heading = "Ground")]
+    height_above_ground: Option<String>,
+    /// Give points classes: ground (2 for those found to be ground, 1 for others that were), or
+    /// height:CLASS=FROM,... (those of no class, by their height above the ground); may be given twice
+    #[arg(long, value_name = "HOW", long_help = classify_help(), help_heading = "Ground")]
+    classify: Vec<Classify>,
+    /// Which points are ground: those of class 2, those that a filter finds among last returns, or auto: by class if
+    /// there are any, else by filter [default: auto]
+    #[arg(long, value_name = "HOW", value_enum, help_heading = "Ground")]
+    ground: Option<GroundName>,
     /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
     #[arg(long, value_name = "SIDE", value_parser = parse::positive, help_heading = "Squares")]
     tile: Option<f64>,
@@ -92,11 +106,29 @@ fn parse_mark(text: &str) -> std::result::Result<BufferMark, String> {
 }
 
 impl Args {
+    fn above(&self) -> Above {
+        let heights = self.height_above_ground.as_deref().map(|name| match name {
+            "z" => HeightsAs::Z,
+            _ => HeightsAs::Dimension,
+        });
+        Above { from: GroundName::of(self.ground), heights, classify: self.classify.clone() }
+    }
+
     /// The squares asked for, and whether their files are uncompressed.
     fn squares(&self) -> Option<(Squares, bool)> {
         let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);
         self.tile.map(|side| (Squares { side, buffer, mark }, self.tile_format == "las"))
     }
+}
+
+fn classify_help() -> String {
+    format!(
+        "Give points classes, one way after the other:\n\
+         ground  2 to those found to be ground, and 1 to others of class 2; never to noise (7 and 18)\n\
+         height  by the height above the ground, to those of no class (0 or 1): height:CLASS=FROM,... \
+         [default: {}]",
+        Classify::Height(Layers::default())
+    )
 }
 
 fn thin_help() -> String {
@@ -118,6 +150,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         cloud,
         format: args.point_format,
         dedupe: args.dedupe,
+        above: args.above(),
         thin: args.thin,
         transform: args.system.transform()?,
         squares: args.squares(),

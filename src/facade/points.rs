@@ -6,7 +6,7 @@ use super::cloud::Cloud;
 use super::run::{Run, System, overwrite_setting, run_settings, system_settings};
 use terrane_base::Result;
 use terrane_cloud::PointFormat;
-use terrane_jobs::translate::{self, Squares, Thin, TranslateJob, TranslateReport};
+use terrane_jobs::translate::{self, Above, Squares, Thin, TranslateJob, TranslateReport};
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
 /// stay in the order of the files' names and of the points in them; those marked as withheld are kept unless the cloud's
@@ -28,6 +28,7 @@ pub struct PointsBuilder<'a> {
     cloud: &'a Cloud,
     format: Option<PointFormat>,
     dedupe: bool,
+    above: Above,
     thin: Option<Thin>,
     system: System,
     run: Run,
@@ -43,6 +44,7 @@ impl<'a> PointsBuilder<'a> {
             cloud,
             format: None,
             dedupe: false,
+            above: Above::default(),
             thin: None,
             system: System::default(),
             run: Run::default(),
@@ -58,6 +60,27 @@ impl<'a> PointsBuilder<'a> {
     /// Of points of one place and time only the first.
     pub fn dedupe(mut self, dedupe: bool) -> Self {
         self.dedupe = dedupe;
+        self
+    }
+
+    /// Heights above the ground, exact in the triangulation of its points, and classes by it.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, high] = ["points.xyz", "high.csv"].map(|name| folder.path().join(name));
+    /// use terrane::{Above, HeightsAs};
+    /// std::fs::write(&path, "x y z class\n0 0 1 2\n4 0 3 2\n0 4 1 2\n1 1 9 5\n").unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+    /// let above = Above { heights: Some(HeightsAs::Z), ..Above::default() };
+    /// cloud.points().above(above).write(&high)?;
+    /// let text = std::fs::read_to_string(&high).unwrap();
+    /// assert!(text.lines().nth(4).unwrap().starts_with("1,1,7.5,")); // the ground is at 1.5 there
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn above(mut self, above: Above) -> Self {
+        self.above = above;
         self
     }
 
@@ -95,6 +118,7 @@ impl<'a> PointsBuilder<'a> {
             cloud: self.cloud.options.clone(),
             format: self.format,
             dedupe: self.dedupe,
+            above: self.above.clone(),
             thin: self.thin,
             transform: self.system.transform()?,
             overwrite: self.run.overwrite,

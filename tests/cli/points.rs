@@ -63,6 +63,12 @@ fn what_cannot_be_is_refused_by_name() {
         ("points a.laz x --tile 0.001", 2, "choose larger ones"),
         ("points a.laz x --tile 10 --buffer 100", 2, "too wide"),
         ("points cloud:c.xyz x.laz --to-crs EPSG:4326", 65, "c.xyz"),
+        ("points a.laz x.laz --ground filter", 2, "nothing is asked of the ground"),
+        ("points a.laz x.laz --classify ground --ground class", 2, "cannot act"),
+        ("points a.laz x.laz --classify trees", 2, "none of ground"),
+        ("points a.laz x.laz --height-above-ground=x", 2, "dimension"),
+        ("points b.las x.laz --classify height:40=1", 2, "no class 40"),
+        ("points cloud:c.xyz x.laz --height-above-ground --ground class --class 6", 65, "triang"),
         ("points nothing.laz x.laz", 65, "nothing.laz"),
         ("points synth:cloud,size=9 x.laz", 2, "synth"),
     ] {
@@ -148,4 +154,19 @@ fn what_fails_or_is_killed_leaves_nothing_behind() {
         std::fs::remove_file(place.path("o.copc.laz")).unwrap();
         assert_eq!(names(), before);
     }
+}
+
+#[test]
+fn ground_that_is_found_and_kept_makes_the_same_model() {
+    let place = clouds();
+    let told = place.ok(&["points", "a.laz", "c.laz", "--classify", "ground"]).out;
+    assert!(told.contains("found by the ground filter") && told.contains("no longer"), "{told}");
+    place.ok(&["grid", "a.laz", "a.tif", "--dtm", "--ground", "filter", "--cell", "1"]);
+    place.ok(&["grid", "c.laz", "c.tif", "--dtm", "--ground", "class", "--cell", "1"]);
+    let bytes = |name: &str| std::fs::read(place.path(name)).unwrap();
+    assert!(bytes("a.tif") == bytes("c.tif"));
+    let text = ["--height-above-ground", "--classify", "height", "-q"];
+    place.ok(&[&["points", "c.laz", "h.csv"][..], &text].concat());
+    let text = String::from_utf8(bytes("h.csv")).unwrap();
+    assert!(text.lines().next().unwrap().ends_with("HeightAboveGround"));
 }

@@ -5,6 +5,7 @@ mod cloud_support;
 #[path = "../common/data.rs"]
 mod data;
 
+mod above;
 mod filters;
 mod formats;
 mod octree;

@@ -2,6 +2,8 @@
 
 use terrane_base::error::{Error, Result};
 
+use crate::Flags;
+
 /// A point format of LAS, 0 to 10.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct PointFormat(u8);
@@ -17,6 +19,9 @@ pub(crate) const TIME: usize = 8;
 pub(crate) const COLOUR: usize = 6;
 pub(crate) const INFRARED: usize = 2;
 pub(crate) const WAVE: usize = 29;
+
+/// Bits of the class in the formats before 6, which share their byte with marks.
+const OLD_CLASS: u8 = 31;
 
 /// Where fields are that not all formats have, from the beginning of a record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -70,6 +75,41 @@ impl PointFormat {
     /// Bytes of a record without extra bytes.
     pub fn size(self) -> usize {
         self.places().size
+    }
+
+    /// The number of a point's return, and how many its pulse has.
+    pub fn returns(self, record: &[u8]) -> [u8; 2] {
+        let (byte, bits) = (record[14], if self.is_new() { 4 } else { 3 });
+        let most = (1 << bits) - 1;
+        [byte & most, byte >> bits & most]
+    }
+
+    /// The class of a point.
+    pub fn class(self, record: &[u8]) -> u8 {
+        if self.is_new() { record[16] } else { record[15] & OLD_CLASS }
+    }
+
+    /// Gives a point another class, which the format can hold.
+    pub fn set_class(self, record: &mut [u8], class: u8) {
+        match self.is_new() {
+            true => record[16] = class,
+            false => record[15] = record[15] & !OLD_CLASS | class & OLD_CLASS,
+        }
+    }
+
+    /// The marks of a point.
+    pub fn flags(self, record: &[u8]) -> Flags {
+        Flags(if self.is_new() { record[15] & 15 } else { record[15] >> 5 })
+    }
+
+    /// Gives a point more marks, which the format can hold.
+    pub fn mark(self, record: &mut [u8], Flags(bits): Flags) {
+        record[15] |= if self.is_new() { bits } else { bits << 5 };
+    }
+
+    /// The largest class that a record holds.
+    pub fn most_class(self) -> u8 {
+        if self.is_new() { u8::MAX } else { OLD_CLASS }
     }
 
     /// The first format with all fields of both; of LAS 1.4 where one of them is.

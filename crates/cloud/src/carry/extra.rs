@@ -27,6 +27,9 @@ const HAS_SCALE: u8 = 8;
 const HAS_OFFSET: u8 = 16;
 const SCALE: usize = 112;
 const OFFSET: usize = 136;
+/// Where what is said of it is; the kind of signed whole numbers of four bytes.
+const ABOUT: usize = 160;
+const STEPS: u8 = 6;
 /// Bytes of a value of each kind from 1 on; there are two or three of them in kinds from 11 and 21 on.
 const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 
@@ -63,6 +66,18 @@ impl Dimension {
         };
         about[RANGE].fill(0);
         Self { size: size(about[KIND], about[OPTIONS]), about }
+    }
+
+    /// A whole number of four bytes, in so many units; its least value stands for none.
+    fn of_steps(name: &str, about: &str, step: f64) -> Self {
+        let mut bytes = [0; BYTES];
+        let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
+        put(KIND, &[STEPS, HAS_NONE | HAS_SCALE]);
+        put(NAME, name.as_bytes());
+        put(NONE, &i64::from(i32::MIN).to_le_bytes());
+        put(SCALE, &step.to_le_bytes());
+        put(ABOUT, about.as_bytes());
+        Self { about: bytes, size: size_of::<i32>() }
     }
 
     fn name(&self) -> String {
@@ -163,6 +178,14 @@ impl Extra {
         Ok(self)
     }
 
+    /// With steps of so many units in the place of what has that name; returns where in the extra bytes they are.
+    pub(crate) fn put_steps(&mut self, name: &str, about: &str, step: f64) -> usize {
+        self.dimensions.retain(|dimension| dimension.name() != name);
+        let at = self.bytes() - self.plain;
+        self.dimensions.push(Dimension::of_steps(name, about, step));
+        at
+    }
+
     /// What to take from a record of another file, whose extra bytes are among these; places count from the first
     /// extra byte.
     pub(crate) fn moves(&self, from: &Self) -> Vec<Move> {
@@ -175,8 +198,7 @@ impl Extra {
         };
         let mut at = 0;
         for dimension in &from.dimensions {
-            let is_it = |known: &&Dimension| known.name() == dimension.name();
-            if let Some(to) = self.place(is_it) {
+            if let Some(to) = self.place(|known| *known == dimension) {
                 add(Move { from: at, to, bytes: dimension.size });
             }
             at += dimension.size;

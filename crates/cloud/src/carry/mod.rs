@@ -46,8 +46,13 @@ pub struct Carrier<'a> {
     carried: Carried,
     /// By file.
     recasts: Vec<Recast>,
+    /// Where a record has its height above the ground.
+    heights: Option<usize>,
     notes: Vec<String>,
 }
+
+/// The dimension of heights above the ground, by the name that others have for it.
+const HEIGHTS: (&str, &str) = ("HeightAboveGround", "Height above ground");
 
 /// What is known of a file of the cloud.
 struct Origin<'a> {
@@ -60,18 +65,28 @@ struct Origin<'a> {
 
 impl<'a> Carrier<'a> {
     /// For records of this format in a file so packed; of the first that holds all fields of all files when `None`.
+    /// They have a dimension for heights above the ground where so told, which are not known yet.
     ///
     /// # Errors
     /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file; a format that
     /// cannot be so packed.
-    pub fn new(cloud: &'a Cloud, format: Option<PointFormat>, packing: Packing) -> Result<Self> {
+    pub fn new(
+        cloud: &'a Cloud,
+        (format, packing): (Option<PointFormat>, Packing),
+        has_heights: bool,
+    ) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
         let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
         let format = match format {
             Some(asked) => packing.check(asked).map(|()| asked)?,
             None => packing.holding(held.unwrap_or_default())?,
         };
-        let extra = Extra::of_all(&origins)?;
+        let (info, as_stored) = cloud.as_stored();
+        let mut extra = Extra::of_all(&origins)?;
+        let heights = has_heights.then(|| {
+            let (name, about) = HEIGHTS;
+            format.size() + extra.put_steps(name, about, info.frame.scale[2])
+        });
         let (vlrs, mut notes) = records(&origins, format)?;
         let recast =
             |origin: &Origin<'_>| Recast::new((origin.format, &origin.extra), (format, &extra));
@@ -91,8 +106,7 @@ impl<'a> Carrier<'a> {
         if packing == Packing::Text && extra.has_others() {
             notes.push("extra bytes that are no numbers are left out".to_owned());
         }
-        let (info, as_stored) = cloud.as_stored();
-        Ok(Self { cloud, info, as_stored, format, extra, carried, recasts, notes })
+        Ok(Self { cloud, info, as_stored, format, extra, carried, recasts, heights, notes })
     }
 
     /// The format of the records.
@@ -113,6 +127,11 @@ impl<'a> Carrier<'a> {
     /// How many of these are extra bytes.
     pub fn extra_bytes(&self) -> usize {
         self.carried.extra_bytes.into()
+    }
+
+    /// Where a record has its height above the ground, in steps of heights (`i32`; the least stands for none).
+    pub fn heights_at(&self) -> Option<usize> {
+        self.heights
     }
 
     /// A file with these records, or with them as they are in another frame and system.

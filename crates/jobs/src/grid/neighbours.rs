@@ -12,10 +12,10 @@ use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
 use terrane_gridding::{Shape, Statistic};
 
 /// Bytes that a thread holds for the points around the cells it is at.
-pub(super) const WORKER: u64 = 32 << 20;
+pub(crate) const WORKER: u64 = 32 << 20;
 
 /// All points of a cloud, for surfaces through them.
-pub(super) struct Surfaces {
+pub(crate) struct Surfaces {
     store: PointStore,
     hull: Hull,
     frame: Frame,
@@ -74,16 +74,21 @@ pub(super) fn store(cloud: &CloudInfo, folder: &Path, memory: u64) -> PointStore
 }
 
 /// Squares for the points of a cloud.
-pub(super) fn tiling(cloud: &CloudInfo) -> Tiling {
+pub(crate) fn tiling(cloud: &CloudInfo) -> Tiling {
     let nowhere = [Point::default(); 2];
     Tiling::new(cloud.bounds.unwrap_or(nowhere), cloud.count)
 }
 
 impl Surfaces {
     /// Through the points of a store that is complete.
-    pub(super) fn new(store: PointStore, frame: Frame) -> Result<Self> {
+    pub(crate) fn new(store: PointStore, frame: Frame) -> Result<Self> {
         let hull = store.hull()?;
         Ok(Self { store, hull, frame })
+    }
+
+    /// The points.
+    pub(crate) fn store(&self) -> &PointStore {
+        &self.store
     }
 
     /// Bytes that went to the temporary file.
@@ -117,7 +122,7 @@ impl Surfaces {
 
     /// The height in steps of the linear surface at each of `points`, which lie near each other; `None`
     /// beyond it.
-    pub(super) fn under(
+    pub(crate) fn under(
         &self,
         points: &[Point],
         mut each: impl FnMut(&Point, Option<f64>),

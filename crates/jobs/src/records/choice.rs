@@ -4,16 +4,15 @@
 //! are not are left out. So points keep their order, and of equally good ones the first is kept.
 
 use std::collections::HashMap;
-use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Flow, Records, Take};
+use super::{Flow, Records, Take, numbered};
 use crate::plan::At;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_files::{Buckets, lock};
+use terrane_files::Buckets;
 
 /// Says which group a record is of, and how good it is there: the least rank is best.
 pub(crate) trait Choice: Sync {
@@ -72,26 +71,13 @@ impl<'a> Chosen<'a> {
         let points: u64 = (0..records.units()).map(|unit| records.points(unit)).sum();
         let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
         let buckets = Buckets::new(folder, count as usize, left / 4);
-        let counts = Mutex::new(vec![0; records.units()]);
-        let counted = Counted { records, record: flow.record, counts: &counts };
-        let mut number = 0;
-        flow.run(&counted, at, &mut |bytes| {
-            for record in bytes.chunks_exact(flow.record) {
-                let (group, rank) = choice.mark(record);
-                let bucket = (mixed(&group) % count) as usize;
-                buckets.push(bucket, &[Mark { group, rank, number }])?;
-                number += 1;
-            }
-            Ok(())
+        let (firsts, number) = numbered::pass(records, flow, at, &mut |number, record| {
+            let (group, rank) = choice.mark(record);
+            let bucket = (mixed(&group) % count) as usize;
+            buckets.push(bucket, &[Mark { group, rank, number }])
         })?;
         let kept = best(&buckets, count as usize, (number, left), at)?;
-        let counts = counts.into_inner().unwrap_or_default();
-        let firsts = counts.iter().scan(0, |sum, count| {
-            let first = *sum;
-            *sum += count;
-            Some(first)
-        });
-        Ok(Self { records, record: flow.record, kept, firsts: firsts.collect() })
+        Ok(Self { records, record: flow.record, kept, firsts })
     }
 }
 
@@ -116,33 +102,6 @@ impl Records for Chosen<'_> {
             }
             take(&chosen)
         })
-    }
-}
-
-/// Counts the records of each unit as they pass.
-struct Counted<'a> {
-    records: &'a dyn Records,
-    record: usize,
-    counts: &'a Mutex<Vec<u64>>,
-}
-
-impl Records for Counted<'_> {
-    fn units(&self) -> usize {
-        self.records.units()
-    }
-
-    fn points(&self, unit: usize) -> u64 {
-        self.records.points(unit)
-    }
-
-    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let mut count = 0;
-        self.records.read(unit, &mut |bytes| {
-            count += (bytes.len() / self.record) as u64;
-            take(bytes)
-        })?;
-        lock(self.counts)[unit] = count;
-        Ok(())
     }
 }
 

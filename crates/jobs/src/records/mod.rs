@@ -1,6 +1,7 @@
 //! Records of points in numbered units, made by all threads and taken in the order of units.
 
 pub(crate) mod choice;
+pub(crate) mod numbered;
 mod pack;
 
 use rayon::prelude::*;

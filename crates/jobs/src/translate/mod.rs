@@ -1,12 +1,13 @@
 //! Clouds into files of points: filtered, thinned and merged; one file, or one for each square.
 //!
 //! ```text
-//! files, sorted ── parts ── records of one format ──[marks ── best of each group]── in order ── chunks ── file
+//! files, sorted ── parts ── records of one format ──[single]──[what the ground tells]──[thinned]──[moved]── file
 //! ```
 //!
 //! Whatever is asked for, points stay in the order of files and of points in them, so the bytes depend on neither
 //! threads nor memory. What needs to know of other points looks at all first (`choice`).
 
+mod above;
 mod carried;
 mod moved;
 mod octree;
@@ -28,12 +29,16 @@ use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Flow, Packer, Records};
 use crate::transform::{Transform, Transformed};
 use crate::{Cancel, Progress, Resources};
+pub use above::{Above, Classify, HeightsAs, Layers};
+use above::{Looking, Told};
 use carried::CarriedRecords;
 use moved::{Move, MovedRecords};
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
-use terrane_cloud::{Carrier, Census, CloudInfo, Filter, OpenOptions, PointFormat, PointSource};
+use terrane_cloud::{
+    Carrier, Census, Cloud, CloudInfo, Filter, OpenOptions, PointFormat, PointSource,
+};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};
@@ -51,6 +56,8 @@ pub struct TranslateJob {
     pub format: Option<PointFormat>,
     /// Keep one point of those of one place and time.
     pub dedupe: bool,
+    /// Heights above the ground, and classes.
+    pub above: Above,
     /// Keep one point of each cell.
     pub thin: Option<Thin>,
     /// The system that they are to be in.
@@ -72,6 +79,7 @@ impl TranslateJob {
             output: output.into(),
             format: None,
             dedupe: false,
+            above: Above::default(),
             thin: None,
             transform: None,
             squares: None,
@@ -128,10 +136,15 @@ struct Shares {
 }
 
 impl Shares {
-    /// For records of so many bytes, some of them extra, beside so many that what is looked at before needs.
-    fn new(resources: &Resources, (record, extra): (usize, usize), needed: u64) -> Result<Self> {
+    /// For records of so many bytes, some of them extra, beside so many that what is looked at before needs, and
+    /// each thread for it.
+    fn new(
+        resources: &Resources,
+        (record, extra): (usize, usize),
+        [needed, looking]: [u64; 2],
+    ) -> Result<Self> {
         let chunk = (CHUNK * record) as u64;
-        let worker = READING + READING_EXTRA * extra as u64 + PACKING * chunk;
+        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(looking);
         let least = PROGRAM + worker + 4 * chunk + needed;
         let Some(rest) = resources.memory.checked_sub(least) else {
             let message = format!("the memory budget of {} bytes is too small", resources.memory);
@@ -167,18 +180,21 @@ pub fn run(
     if job.squares.is_some() {
         squares::refuse_within(cloud.files(), &job.output)?;
     }
-    let carrier = Carrier::new(&cloud, job.format, packing)?;
+    let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
+    let carrier = Carrier::new(&cloud, (job.format, packing), has_dimension)?;
+    job.above.check(carrier.format())?;
     let needed = job.needed(packing, cloud.info().count);
     let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
     let threads = shares.threads;
-    let moved = job.moved(carrier.info())?;
-    let info = moved.as_ref().map_or(carrier.info(), |moved| &moved.info);
+    let told = job.above.info(carrier.info());
+    let moved = job.moved(&told)?;
+    let info = moved.as_ref().map_or(&told, |moved| &moved.info);
     let file = carrier.file(info.frame, info.crs.clone());
     let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
     let source = CarriedRecords::new(&cloud, &carrier);
     let work = Work {
         job,
-        cells: carrier.info(),
+        told: &told,
         info,
         moved: moved.as_ref(),
         carrier: &carrier,
@@ -187,7 +203,8 @@ pub fn run(
         at,
     };
     let resources = Resources { threads, ..job.resources.clone() };
-    let made = workers(&resources)?.install(|| work.run(&source))?;
+    let wide = job.wide(packing)?;
+    let (made, notes) = workers(&resources)?.install(|| work.run(&source, wide.as_ref()))?;
     let run = Figures { threads, ..Figures::since(start, &job.resources) };
     let census = source.census();
     Ok(TranslateReport {
@@ -208,22 +225,36 @@ pub fn run(
             .chain(carrier.notes())
             .chain(moved.iter().flat_map(|moved| &moved.notes))
             .cloned()
+            .chain(notes)
             .collect(),
     })
 }
 
 impl TranslateJob {
-    /// Bytes of memory that it needs beside records on their way, for so many points.
-    fn needed(&self, packing: Packing, points: u64) -> u64 {
+    /// Bytes of memory that it needs beside records on their way, for so many points; and more for each thread.
+    fn needed(&self, packing: Packing, points: u64) -> [u64; 2] {
         let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
         let is_spread = packing == Packing::Nodes || self.squares.is_some();
-        choices * needed(points) + if is_spread { SPREAD } else { 0 }
+        let [above, each] = self.above.needed(points);
+        [choices * needed(points) + above + if is_spread { SPREAD } else { 0 }, each]
     }
 
     /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
     fn reading(&self) -> OpenOptions {
         let filter = Filter { keep_withheld: true, ..self.cloud.filter.clone() };
         OpenOptions { filter, ..self.cloud.clone() }
+    }
+
+    /// All points that the ground may be made of, where these are not only those asked for.
+    fn wide(&self, packing: Packing) -> Result<Option<Wide>> {
+        let own = self.reading();
+        let is_all = own.filter.classes.is_none() && own.filter.returns.is_none();
+        if is_all || !self.above.is_asked() {
+            return Ok(None);
+        }
+        let filter = Filter { classes: None, returns: None, ..own.filter };
+        let cloud = terrane_cloud::open(&self.input, &OpenOptions { filter, ..own })?;
+        Ok(Some(Wide { cloud, asked: (self.format, packing) }))
     }
 
     /// Where points lie in the system asked for.
@@ -233,6 +264,10 @@ impl TranslateJob {
         let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
         let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
         let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
+        if self.above.heights == Some(HeightsAs::Z) && !operation.keeps_heights() {
+            return Err(Error::usage("heights above the ground do not change with the system")
+                .remedy("leave --geoid out, or put them into a dimension"));
+        }
         Move::new(info, operation).map(Some)
     }
 
@@ -243,6 +278,12 @@ impl TranslateJob {
             None => packing(&self.output),
         }
     }
+}
+
+/// A cloud with points beyond those asked for.
+struct Wide {
+    cloud: Cloud,
+    asked: (Option<PointFormat>, Packing),
 }
 
 /// What was made.
@@ -256,8 +297,8 @@ struct Made {
 /// A job whose input is open.
 struct Work<'a> {
     job: &'a TranslateJob,
-    /// What is read, whose cells are chosen from.
-    cells: &'a CloudInfo,
+    /// What is known before points are moved.
+    told: &'a CloudInfo,
     /// What is written.
     info: &'a CloudInfo,
     moved: Option<&'a Move>,
@@ -268,20 +309,41 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Writes what is chosen of all records.
-    fn run(&self, source: &dyn Records) -> Result<Made> {
+    /// Writes what is chosen of all records, and says what was found.
+    fn run(&self, source: &dyn Records, wide: Option<&Wide>) -> Result<(Made, Vec<String>)> {
         let twice = thin::Twice::new(self.options.format);
         let single = self.job.dedupe.then(|| self.choose(source, &twice, "points there twice"));
         let single = single.transpose()?;
         let records: &dyn Records = single.as_ref().map_or(source, |chosen| chosen);
+        let told = self.job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
+        let records = told.as_ref().map_or(records, |told| told);
         let cells =
-            self.job.thin.map(|thin| thin::Cells::new(thin, &self.cells.frame)).transpose()?;
+            self.job.thin.map(|thin| thin::Cells::new(thin, &self.told.frame)).transpose()?;
         let thinned =
             cells.as_ref().map(|cells| self.choose(records, cells, "cells")).transpose()?;
         let records = thinned.as_ref().map_or(records, |chosen| chosen);
         let record = self.shares.flow.record;
         let moved = self.moved.map(|to| MovedRecords { records, to, record });
-        self.write(moved.as_ref().map_or(records, |moved| moved))
+        let made = self.write(moved.as_ref().map_or(records, |moved| moved))?;
+        Ok((made, told.map_or_else(Vec::new, |told| told.notes)))
+    }
+
+    fn tell<'r>(&self, records: &'r dyn Records, wide: Option<&Wide>) -> Result<Told<'r>> {
+        let looking = Looking {
+            above: &self.job.above,
+            info: self.carrier.info(),
+            format: self.carrier.format(),
+            flow: self.shares.flow,
+            threads: self.shares.threads,
+            memory: self.shares.marks,
+            folder: self.folder(),
+            keeps_withheld: self.job.cloud.filter.keep_withheld,
+            at: self.at,
+        };
+        let at = self.carrier.heights_at();
+        let Some(Wide { cloud, asked }) = wide else { return looking.tell(records, None, at) };
+        let carrier = Carrier::new(cloud, *asked, at.is_some())?;
+        looking.tell(records, Some(&CarriedRecords::new(cloud, &carrier)), at)
     }
 
     fn choose<'r>(

@@ -13,7 +13,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Frame, Point};
 use terrane_cloud::write::is_written_here;
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions};
-use terrane_cloud::{CloudInfo, Flags, PointFormat};
+use terrane_cloud::{CloudInfo, Flags};
 use terrane_files::{Buckets, path_of, shown};
 use terrane_gridding::{Edges, Lattice};
 
@@ -108,8 +108,6 @@ pub(super) struct Division<'a> {
     squares: Squares,
     lattice: Lattice,
     axes: [Axis; 2],
-    /// Where a record has its marks, and the bits of that of a buffer.
-    mark: (usize, u8),
     buckets: Buckets<u8>,
     options: &'a WriteOptions,
 }
@@ -146,9 +144,8 @@ impl<'a> Division<'a> {
             .remedy("choose larger ones"));
         }
         let axes = [0, 1].map(|axis| Axis::new(frame, axis, spans[axis], &squares));
-        let mark = marks(options.format, squares.mark);
         let buckets = Buckets::new(folder, count as usize, memory);
-        Ok(Self { squares, lattice, axes, mark, buckets, options })
+        Ok(Self { squares, lattice, axes, buckets, options })
     }
 
     /// Writes all records into a folder.
@@ -198,7 +195,7 @@ impl<'a> Division<'a> {
         }
         copy.clear();
         copy.extend_from_slice(record);
-        copy[self.mark.0] |= self.mark.1;
+        self.options.format.mark(copy, self.squares.mark.flag());
         for beside in y.around(row, point.y) {
             for other in x.around(column, point.x) {
                 if (other, beside) != (column, row) {
@@ -236,12 +233,6 @@ impl<'a> Division<'a> {
         let ending = if self.options.packing == Packing::Plain { "las" } else { "laz" };
         PathBuf::from(format!("{x}_{y}.{ending}"))
     }
-}
-
-/// Where records have their marks, and the bits of one.
-fn marks(format: PointFormat, mark: BufferMark) -> (usize, u8) {
-    let Flags(bits) = mark.flag();
-    (15, if format.is_new() { bits } else { bits << 5 })
 }
 
 /// Whether a folder holds nothing but files of squares that terrane wrote.

@@ -21,7 +21,7 @@ const BYTES_PER_CELL: u64 = 64;
 const SIDES: [i64; 2] = [64, 1024];
 
 /// The filter over the points that may be ground.
-pub(super) struct Filter<'a> {
+pub(crate) struct Filter<'a> {
     candidates: &'a PointStore,
     parameters: Parameters,
     /// Steps along a cell, in x and y.
@@ -67,7 +67,7 @@ impl Cells {
 
 impl<'a> Filter<'a> {
     /// For tiles that take about `memory` bytes each.
-    pub(super) fn new(candidates: &'a PointStore, metres: &Metres, memory: u64) -> Self {
+    pub(crate) fn new(candidates: &'a PointStore, metres: &Metres, memory: u64) -> Self {
         let [x, y, z] = metres.step;
         let cell = CELL.max(spacing(candidates, metres));
         let parameters = Parameters::metres(cell, z);
@@ -77,7 +77,7 @@ impl<'a> Filter<'a> {
     }
 
     /// Adds the ground points to `into`, on so many threads.
-    pub(super) fn run(
+    pub(crate) fn run(
         &self,
         into: &PointStore,
         threads: usize,

@@ -5,11 +5,11 @@ use terrane_base::geom::{Crs, Frame};
 
 /// What steps of a frame are in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Metres {
+pub(crate) struct Metres {
     /// A step along each axis.
-    pub(super) step: [f64; 3],
+    pub(crate) step: [f64; 3],
     /// True when no unit is known, so that it is taken for metres.
-    pub(super) is_guess: bool,
+    pub(crate) is_guess: bool,
 }
 
 impl Metres {
@@ -17,7 +17,7 @@ impl Metres {
     ///
     /// # Errors
     /// Degrees, or a unit of heights that is not known.
-    pub(super) fn of(crs: &Crs, frame: &Frame) -> Result<Self> {
+    pub(crate) fn of(crs: &Crs, frame: &Frame) -> Result<Self> {
         let side = crs.horizontal_metres();
         if crs.horizontal_unit() == "degree" {
             return Err(no_length("degree"));

@@ -8,8 +8,8 @@
 //! their discs reach.
 
 mod canopy;
-mod filter;
-mod metres;
+pub(crate) mod filter;
+pub(crate) mod metres;
 
 use std::path::Path;
 
@@ -19,8 +19,8 @@ use super::neighbours::Surfaces;
 use crate::points::{Filling, PointStore, Tiling};
 use crate::{Cancel, Progress};
 use canopy::Canopy;
-use filter::Filter;
-use metres::Metres;
+pub(crate) use filter::Filter;
+pub(crate) use metres::Metres;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_cloud::{self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, Return};
@@ -65,7 +65,7 @@ pub enum GroundFrom {
 /// The class of ground points, unless others are named.
 pub(crate) const GROUND: u8 = 2;
 /// Classes of noise, below the ground and in the air.
-const NOISE: [u8; 2] = [7, 18];
+pub(crate) const NOISE: [u8; 2] = [7, 18];
 /// Stores that are in memory at once.
 const STORES: u64 = 3;
 /// Part of the memory that each thread's tile of the ground filter may take.
@@ -150,7 +150,7 @@ impl Model {
                 return Ok(self);
             }
             if making.job.ground == GroundFrom::Class {
-                return Err(Error::bad_input(format!("the cloud has no points of class {named}"))
+                return Err(no_ground_of_class(&named)
                     .remedy("pass --ground filter, or name the classes of ground with --class"));
             }
         }
@@ -230,6 +230,11 @@ impl Model {
         let ground = self.ground.as_ref().map_or(0, Surfaces::spilled_bytes);
         self.spilled + ground + self.canopy.as_ref().map_or(0, Canopy::spilled)
     }
+}
+
+/// The error of a cloud without points of the classes of ground.
+pub(crate) fn no_ground_of_class(named: &str) -> Error {
+    Error::bad_input(format!("the cloud has no points of class {named}"))
 }
 
 /// All classes but those of noise.
