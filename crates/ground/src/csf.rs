@@ -6,7 +6,56 @@
 //! node that meets the lowest point of its cell stays there, and steep ground that the cloth spans is
 //! mended in the end.
 
-use crate::grid::{nearest_filled, neighbours};
+use crate::grid::{nearest_filled, neighbours, widened};
+use crate::lows::Lows;
+use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::surface::Ground;
+
+pub(crate) const METHOD: Method = Method {
+    name: "csf",
+    source: "Zhang and others 2016",
+    about: "a cloth that rises from below the points until it meets them",
+    parameters: &[
+        Parameter::new("cloth", 1.0, [0.25, 100.0], "distance between the cloth's nodes, metres"),
+        Parameter::new(
+            "rigidness",
+            3.0,
+            [1.0, 3.0],
+            "1 for steep ground, 2 for hills, 3 for plains",
+        )
+        .whole(),
+        Parameter::new(
+            "threshold",
+            0.5,
+            [0.0, 100.0],
+            "how far from the cloth ground may lie, metres",
+        ),
+        Parameter::new("step", 0.65, [0.1, 1.5], "time step"),
+        Parameter::new("iterations", 500.0, [1.0, 10_000.0], "most steps").whole(),
+        Parameter::new(
+            "smooth",
+            1.0,
+            [0.0, 1.0],
+            "whether steep ground is mended in the end, 0 or 1",
+        )
+        .whole(),
+    ],
+    lattice: |asked, _| Lattice::fixed(asked.value("cloth")),
+    find,
+};
+
+fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
+    let step = lows.step[2];
+    let cloth = Cloth {
+        rigidness: asked.value("rigidness") as u32,
+        time_step: asked.value("step"),
+        iterations: asked.value("iterations") as u32,
+        mend: asked.value("smooth") > 0.0,
+    };
+    let heights = widened(&settled(&lows.heights(), lows.width, &cloth), lows.width);
+    let heights = heights.into_iter().map(|z| z / step).collect();
+    Ground::new(lows.width, heights, |_| asked.value("threshold") / step)
+}
 
 /// How a cloth behaves.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +90,13 @@ pub(crate) fn settled(heights: &[f64], width: usize, cloth: &Cloth) -> Vec<f64> 
         return ceiling;
     }
     let start = vec![lowest - START; ceiling.len()];
-    let mut sheet =
-        Sheet { width, ceiling, before: start.clone(), now: start, held: vec![false; heights.len()] };
+    let mut sheet = Sheet {
+        width,
+        ceiling,
+        before: start.clone(),
+        now: start,
+        held: vec![false; heights.len()],
+    };
     let [pair, single] = stiffness(cloth.rigidness);
     for _ in 0..cloth.iterations {
         sheet.rise(GRAVITY * cloth.time_step * cloth.time_step);

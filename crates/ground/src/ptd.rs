@@ -4,8 +4,63 @@
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 
 use crate::lows::Lows;
+use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::surface::Ground;
 use crate::tin::{Tin, gradient, height_of};
 use terrane_base::geom::Point;
+
+pub(crate) const METHOD: Method = Method {
+    name: "ptd",
+    source: "Axelsson 2000",
+    about: "a triangulation of the lowest points of large squares, made denser by points near it",
+    parameters: &[
+        Parameter::new(
+            "seed",
+            50.0,
+            [2.0, 100.0],
+            "side of the squares, larger than any building, metres",
+        ),
+        Parameter::new(
+            "angle",
+            15.0,
+            [0.1, 89.0],
+            "at which a corner may see a point above its triangle, degrees",
+        ),
+        Parameter::new(
+            "distance",
+            1.4,
+            [0.01, 100.0],
+            "furthest from its triangle that a point is taken in, metres",
+        ),
+        Parameter::new(
+            "spacing",
+            0.25,
+            [0.0, 100.0],
+            "triangles with no longer side are left as they are, metres",
+        ),
+        Parameter::new(
+            "tolerance",
+            0.3,
+            [0.0, 100.0],
+            "how far from the last triangles ground may lie, metres",
+        ),
+    ],
+    lattice: |_, spacing| Lattice::fixed(spacing.max(1.0)),
+    find,
+};
+
+fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
+    let (width, cell, step) = (lows.width, lows.cell, lows.step[2]);
+    let points = in_millimetres(lows);
+    let [distance, spacing] = ["distance", "spacing"].map(|key| asked.value(key));
+    let limits = Limits { sine: asked.value("angle").to_radians().sin(), distance, spacing };
+    let seeds = seeds(&points, width, (asked.value("seed") / cell).ceil() as usize);
+    let ground = densified(&points, seeds, width, cell, &limits);
+    let heights =
+        surface(&vertices(&points, &ground, width, cell), width, points.len() / width, cell);
+    let heights = heights.into_iter().map(|z| z / step).collect();
+    Ground::new(width, heights, |_| asked.value("tolerance") / step)
+}
 
 /// When a point is taken in.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +81,8 @@ const ROUNDS: usize = 64;
 /// Each cell's lowest point in millimetres from the corner.
 pub(crate) fn in_millimetres(lows: &Lows<'_>) -> Vec<Option<Point>> {
     let whole = |metres: f64| (metres * MILLI).round() as i32;
-    let point = |at: usize| lows.metres(at).map(|[x, y, z]| Point::new(whole(x), whole(y), whole(z)));
+    let point =
+        |at: usize| lows.metres(at).map(|[x, y, z]| Point::new(whole(x), whole(y), whole(z)));
     (0..lows.points.len()).map(point).collect()
 }
 
@@ -49,7 +105,13 @@ pub(crate) fn seeds(points: &[Option<Point>], width: usize, side: usize) -> Vec<
 }
 
 /// The cells whose points are ground, sorted: the seeds, and all that can be reached from them.
-pub(crate) fn densified(points: &[Option<Point>], seeds: Vec<usize>, width: usize, cell: f64, limits: &Limits) -> Vec<usize> {
+pub(crate) fn densified(
+    points: &[Option<Point>],
+    seeds: Vec<usize>,
+    width: usize,
+    cell: f64,
+    limits: &Limits,
+) -> Vec<usize> {
     let mut taken = vec![false; points.len()];
     seeds.iter().for_each(|&at| taken[at] = true);
     let mut ground = seeds;
@@ -64,7 +126,9 @@ pub(crate) fn densified(points: &[Option<Point>], seeds: Vec<usize>, width: usiz
                 found.push((triangle, distance, at));
             }
         }
-        found.sort_unstable_by(|a, b| (a.0, a.1, a.2).partial_cmp(&(b.0, b.1, b.2)).unwrap_or(std::cmp::Ordering::Equal));
+        found.sort_unstable_by(|a, b| {
+            (a.0, a.1, a.2).partial_cmp(&(b.0, b.1, b.2)).unwrap_or(std::cmp::Ordering::Equal)
+        });
         found.dedup_by_key(|(triangle, ..)| *triangle);
         let few = found.len() * 500 < ground.len();
         for (_, _, at) in found {
@@ -81,7 +145,8 @@ pub(crate) fn densified(points: &[Option<Point>], seeds: Vec<usize>, width: usiz
 
 /// How far a point is from its triangle, if it is near enough to be taken in.
 fn near(point: &Point, corners: &[Point; 3], limits: &Limits) -> Option<f64> {
-    let [p, a, b, c] = [point, &corners[0], &corners[1], &corners[2]].map(|p| [p.x, p.y, p.z].map(f64::from));
+    let [p, a, b, c] =
+        [point, &corners[0], &corners[1], &corners[2]].map(|p| [p.x, p.y, p.z].map(f64::from));
     let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     let arms = [a, b, c].map(|corner| minus(p, corner));
     let plan = |u: [f64; 3]| u[0] * u[0] + u[1] * u[1];
@@ -98,12 +163,18 @@ fn near(point: &Point, corners: &[Point; 3], limits: &Limits) -> Option<f64> {
 }
 
 /// Ground points, and four around the window that are as high as the ground nearest to them.
-pub(crate) fn vertices(points: &[Option<Point>], ground: &[usize], width: usize, cell: f64) -> Vec<Point> {
+pub(crate) fn vertices(
+    points: &[Option<Point>],
+    ground: &[usize],
+    width: usize,
+    cell: f64,
+) -> Vec<Point> {
     let mut vertices: Vec<Point> = ground.iter().filter_map(|&at| points[at]).collect();
     let span = |cells: usize| (cells as f64 * cell * MILLI).ceil() as i32;
     let (east, north, out) = (span(width), span(points.len() / width), span(10));
     let inner = vertices.len();
-    for (x, y) in [(-out, -out), (east + out, -out), (-out, north + out), (east + out, north + out)] {
+    for (x, y) in [(-out, -out), (east + out, -out), (-out, north + out), (east + out, north + out)]
+    {
         let away = |p: &&Point| (i64::from(p.x - x).pow(2) + i64::from(p.y - y).pow(2), p.z);
         if let Some(p) = vertices[..inner].iter().min_by_key(away) {
             vertices.push(Point::new(x, y, p.z));

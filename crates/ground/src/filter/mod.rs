@@ -13,9 +13,30 @@ mod fill;
 mod low;
 mod open;
 
-use crate::lows::EMPTY;
+use crate::lows::{EMPTY, Lows};
+use crate::method::{Asked, Lattice, Method};
 use crate::surface::{BESIDE, Ground};
 use fill::filled;
+
+pub(crate) const METHOD: Method = Method {
+    name: "filter",
+    source: "after Pingel and others 2013",
+    about: "openings with growing squares, holes filled by means: exact in tiles of any size",
+    parameters: &[],
+    lattice: |_, spacing| {
+        let cell = spacing.max(CELL);
+        Lattice { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
+    },
+    find,
+};
+
+/// Side of a cell in metres, unless points are further apart.
+const CELL: f64 = 1.0;
+
+fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
+    let minima: Vec<i32> = lows.points.iter().map(|p| p.z).collect();
+    ground(&minima, lows.width, &Parameters::metres(lows.cell, lows.step[2]))
+}
 
 /// What is ground. Lengths are in one unit, the same for x, y and z.
 #[derive(Clone, Copy, Debug, PartialEq)]
