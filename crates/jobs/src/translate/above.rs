@@ -12,7 +12,7 @@ use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::grid::preset::{Filter, Metres, NOISE, no_ground_of_class};
+use crate::grid::preset::{Filter, Metres, NOISE, found_by, no_ground_of_class};
 use crate::grid::{GROUND, GroundFrom, Surfaces, WORKER, tiling};
 use crate::plan::At;
 use crate::points::PointStore;
@@ -203,7 +203,7 @@ impl Above {
 
     /// Whether the ground is that of the classes, if there are points of it.
     fn takes_classes(&self) -> bool {
-        self.from != GroundFrom::Filter && !self.finds_ground()
+        !self.from.is_method() && !self.finds_ground()
     }
 }
 
@@ -375,10 +375,11 @@ impl Looking<'_> {
         }
         let tile = self.memory / TILE_SHARE / self.threads as u64;
         let ground = self.store();
-        let filter = Filter::new(candidates, &metres, tile);
+        let method = self.above.from.method();
+        let filter = Filter::new(candidates, &metres, method, tile);
         filter.run(&ground, self.threads, self.at.progress, self.at.cancel)?;
         let (found, all) = (ground.count(), candidates.count());
-        notes.push(format!("ground: {found} of {all} last returns, found by the ground filter"));
+        notes.push(found_by(&method, found, all));
         Ok(ground)
     }
 
