@@ -245,3 +245,30 @@ impl Sheet {
         (self.now[node], self.held[node]) = (self.ceiling[node], true);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rigid_cloths_draw_more() {
+        let near = |found: [f64; 2], expected: [f64; 2]| {
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(near(stiffness(1), [0.3, 0.3]));
+        assert!(near(stiffness(2), [0.42, 0.51]));
+        assert!(near(stiffness(3), [0.468, 0.657]));
+    }
+
+    #[test]
+    fn a_cloth_lies_on_level_ground_and_spans_a_pit_of_the_cloud_turned_over() {
+        let (width, cells) = (60, 60 * 60);
+        let roof = |k: usize| (25..35).contains(&(k % width)) && (25..35).contains(&(k / width));
+        let heights: Vec<f64> = (0..cells).map(|k| if roof(k) { 8.0 } else { 2.0 }).collect();
+        let cloth = Cloth { rigidness: 3, time_step: 0.65, iterations: 500, mend: true };
+        let found = settled(&heights, width, &cloth);
+        for (k, z) in found.into_iter().enumerate() {
+            assert!(if roof(k) { z < 5.0 } else { (z - 2.0).abs() < 0.5 }, "{k} {z}");
+        }
+    }
+}

@@ -232,6 +232,40 @@ mod tests {
         assert!(told("filter:cell=1").contains("takes none"));
     }
 
+    /// A slope with a shed on it, a hole, and a cell without points.
+    #[test]
+    fn every_method_takes_off_a_shed_and_keeps_the_slope() {
+        use crate::lows::NO_POINT;
+        use terrane_base::geom::Point;
+        let (width, rows) = (120, 110);
+        let plane = |k: usize| (k % width) as f64 * 0.1 - (k / width) as f64 * 0.05;
+        let shed = |k: usize| (50..62).contains(&(k % width)) && (40..55).contains(&(k / width));
+        let point = |k: usize| {
+            let z = plane(k) + if shed(k) { 3.0 } else { 0.0 };
+            let at = |v: usize| v as i32 * 100 + 50;
+            Point::new(at(k % width), at(k / width), (z * 100.0).round() as i32)
+        };
+        let hole = |k: usize| (20..30).contains(&(k % width)) && (70..80).contains(&(k / width));
+        let points: Vec<Point> =
+            (0..width * rows).map(|k| if hole(k) { NO_POINT } else { point(k) }).collect();
+        let lows = Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+        for method in METHODS {
+            let ground = Asked::plain(method).find(&lows);
+            for at in (0..points.len()).filter(|&at| !hole(at)) {
+                let is = ground.is_ground(at % width, at / width, [0.5; 2], points[at].z);
+                let edge = [at % width, width - 1 - at % width, at / width, rows - 1 - at / width];
+                // What lies beyond the border is not known: the first triangles are level there.
+                let is_far_in = edge.iter().all(|cells| *cells > 12);
+                assert!(!(is && shed(at)), "{}: {at} is of the shed", method.name);
+                assert!(is || shed(at) || !is_far_in, "{}: {at} is ground", method.name);
+            }
+            let empty = Lows { points: &[], ..lows };
+            Asked::plain(method).find(&empty);
+            let none = Lows { points: &vec![NO_POINT; 9], width: 3, ..lows };
+            assert!(!Asked::plain(method).find(&none).is_ground(1, 1, [0.5; 2], 0));
+        }
+    }
+
     #[test]
     fn squares_are_as_large_as_cells_allow() {
         let sizes = |cell: f64| (Lattice::fixed(cell).core, Lattice::fixed(cell).halo);

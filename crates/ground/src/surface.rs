@@ -13,7 +13,7 @@ pub struct Ground {
     /// ground is known.
     heights: Vec<f64>,
     /// How far a ground point of a cell may lie from it, in steps.
-    tolerances: Vec<f32>,
+    pub(crate) tolerances: Vec<f32>,
 }
 
 impl Ground {
