@@ -187,9 +187,9 @@ mod tests {
 
     #[test]
     fn steps_of_hundredths_are_the_codes() {
-        let axis = Axis::of_steps(&[700, 500, 500 + MOST_CODE as i32], 0.01, 6_000_000.0);
+        let axis = Axis::of_steps(&[702, 500, 500 + MOST_CODE as i32], 0.01, 6_000_000.0);
         assert_eq!((axis.low, axis.step, axis.rounding), (6_000_005.0, 0.01, 0.0));
-        assert_eq!(axis.codes, [200, 0, MOST_CODE]);
+        assert_eq!(axis.codes, [202, 0, MOST_CODE]);
         let axis = Axis::of_steps(&[0, 1, 2 * MOST_CODE as i32], 1.0, 0.0);
         assert_eq!((axis.step, axis.rounding, axis.codes), (2.0, 1.0, vec![0, 1, MOST_CODE]));
         assert!(Axis::of_steps(&[], 1.0, 0.0).codes.is_empty());
