@@ -228,7 +228,7 @@ mod tests {
                 let together = span.div_ceil(MOST_CODE);
                 steps.iter().all(|step| step.abs_diff(*steps.iter().min().unwrap()) % together == 0)
             });
-            prop_assert!(axis.rounding <= f64::from(span) / f64::from(MOST_CODE) * 0.5);
+            prop_assert!(axis.rounding <= f64::from(span.div_ceil(MOST_CODE)) / 4.0);
             for (step, code) in steps.iter().zip(&axis.codes) {
                 prop_assert!(*code <= MOST_CODE);
                 prop_assert!((axis.at(*code) - (f64::from(*step) * 0.5 - 3.0)).abs() <= axis.rounding);
