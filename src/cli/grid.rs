@@ -82,9 +82,10 @@ struct Model {
     /// The height of --dsm above --dtm, 0 where it would be below
     #[arg(long, conflicts_with = "stat")]
     chm: bool,
-    /// Which points are ground: those of class 2 (or --class), those that a filter finds among last
-    /// returns, or auto: by class if there are any, else by filter [default: auto]
-    #[arg(long, value_name = "HOW", value_enum)]
+    /// Which points are ground: class (those of class 2, or of --class), those that a method such as
+    /// csf:rigidness=1 finds among last returns, or auto: by class if there are any, else by the method
+    /// adaptive [default: auto]
+    #[arg(long, value_name = "HOW", value_parser = GroundName::parse)]
     ground: Option<GroundName>,
     /// Water of a file of features, made level in --dtm: polygons are lakes, as high as their lowest bank, and
     /// those that a line of the file runs within are rivers, falling along it (drawn downstream)
@@ -189,6 +190,7 @@ impl Verb for Args {
     fn lists() -> Vec<String> {
         vec![
             lists::statistics(),
+            lists::grounds(),
             lists::grids_written(),
             lists::creation_options(),
             lists::EXIT_CODES.to_owned(),

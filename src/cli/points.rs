@@ -49,9 +49,9 @@ pub(super) struct Args {
     /// height:CLASS=FROM,... (those of no class, by their height above the ground); may be given twice
     #[arg(long, value_name = "HOW", long_help = classify_help(), help_heading = "Ground")]
     classify: Vec<Classify>,
-    /// Which points are ground: those of class 2, those that a filter finds among last returns, or auto: by class if
-    /// there are any, else by filter [default: auto]
-    #[arg(long, value_name = "HOW", value_enum, help_heading = "Ground")]
+    /// Which points are ground: class (those of class 2), those that a method of terrane grid --ground finds among
+    /// last returns, or auto: by class if there are any, else by the method adaptive [default: auto]
+    #[arg(long, value_name = "HOW", value_parser = GroundName::parse, help_heading = "Ground")]
     ground: Option<GroundName>,
     /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
     #[arg(long, value_name = "SIDE", value_parser = parse::positive, help_heading = "Squares")]

@@ -158,7 +158,8 @@ fn what_fails_or_is_killed_leaves_nothing_behind() {
 #[test]
 fn ground_that_is_found_and_kept_makes_the_same_model() {
     let place = clouds();
-    let told = place.ok(&["points", "a.laz", "c.laz", "--classify", "ground"]).out;
+    let asked = ["--classify", "ground", "--ground", "filter"];
+    let told = place.ok(&[&["points", "a.laz", "c.laz"][..], &asked].concat()).out;
     assert!(told.contains("found by the ground filter") && told.contains("no longer"), "{told}");
     place.ok(&["grid", "a.laz", "a.tif", "--dtm", "--ground", "filter", "--cell", "1"]);
     place.ok(&["grid", "c.laz", "c.tif", "--dtm", "--ground", "class", "--cell", "1"]);

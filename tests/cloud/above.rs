@@ -292,7 +292,7 @@ fn what_the_ground_cannot_tell_is_refused() {
         Above { from: GroundFrom::Class, ..above(None, &["ground"]) },
         "--classify ground cannot act",
     );
-    refused(Above { from: GroundFrom::Filter, ..Above::default() }, "--ground cannot act");
+    refused(Above { from: GroundFrom::FILTER, ..Above::default() }, "--ground cannot act");
     let few = survey(&place, "cloud,size=30,density=4,seed=2", 6, "few.laz");
     let filter = Filter { z_range: Some([1e5, 2e5]), ..Filter::default() };
     let options = OpenOptions { filter, ..OpenOptions::default() };

@@ -4,7 +4,8 @@
 use crate::data;
 use spade::{DelaunayTriangulation, FloatTriangulation, HasPosition, Point2, Triangulation};
 use terrane_cloud::synth::survey;
-use terrane_gridding::ground::{EMPTY, Ground, Parameters, ground};
+use terrane_ground::filter::{Parameters, ground};
+use terrane_ground::{EMPTY, Ground};
 use terrane_synth::cloud::{GROUND, HIGH_NOISE, LOW_NOISE, Survey};
 
 /// A point in cells and centimetres, with its class.

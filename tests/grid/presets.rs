@@ -56,7 +56,7 @@ fn the_ground_is_found_by_class_and_by_filter() {
         let survey = survey(name).unwrap();
         for (ground, most, words) in [
             (GroundFrom::Auto, by_class, "points of class 2"),
-            (GroundFrom::Filter, by_filter, "found by the ground filter"),
+            (GroundFrom::FILTER, by_filter, "found by the ground filter"),
         ] {
             let (grid, report) = preset(name, &place.path("a.tif"), Preset::Dtm, ground);
             let [rmse, voids] = error(&grid, &survey);
@@ -74,7 +74,7 @@ fn a_cloud_without_classes_is_filtered_unless_only_classes_are_asked_for() {
     let job = GridJob::of_preset([FOREST], place.path("a.tif"), Preset::Dtm, 1.0);
     let mut none = job.clone();
     none.cloud.filter.classes = Some(vec![30]);
-    let filtered = GridJob { ground: GroundFrom::Filter, ..job };
+    let filtered = GridJob { ground: GroundFrom::FILTER, ..job };
     let (auto, report) = made(&none);
     assert!(report.notes[0].contains("found by the ground filter"), "{:?}", report.notes);
     assert_eq!(auto.values, made(&filtered).0.values);
@@ -130,7 +130,7 @@ fn is_pit(height: f64, max: &[f64], k: usize, width: usize) -> bool {
 fn roofs_and_meadows_are_as_high_as_they_are() {
     let place = Place::new();
     let survey = survey(FOREST).unwrap();
-    let (chm, _) = preset(FOREST, &place.path("a.tif"), Preset::Chm, GroundFrom::Filter);
+    let (chm, _) = preset(FOREST, &place.path("a.tif"), Preset::Chm, GroundFrom::FILTER);
     // Cells whose points, those of the cells around too, are all of one class.
     let mut classes = vec![[0_u32; 2]; chm.values.len()];
     let mut heights = vec![0.0; chm.values.len()];
@@ -172,7 +172,7 @@ fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
             let resources = Resources { threads, memory: memory << 20, temp_dir: None };
             let output = place.path("a.tif");
             let job = GridJob::of_preset([name], &output, kind, 0.5);
-            let (_, report) = made(&GridJob { resources, ground: GroundFrom::Filter, ..job });
+            let (_, report) = made(&GridJob { resources, ground: GroundFrom::FILTER, ..job });
             (std::fs::read(&output).unwrap(), report.run.spilled_bytes > Some(0))
         };
         let (whole, spilled) = bytes(1, 2048);
@@ -184,7 +184,7 @@ fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
         let mut job = GridJob::of_preset([name], place.path("b.tif"), kind, 0.5);
         let [x, y] = ORIGIN;
         job.placement.bbox = Some([x + 40.0, y + 60.0, x + 90.0, y + 100.0]);
-        let (part, _) = made(&GridJob { ground: GroundFrom::Filter, ..job });
+        let (part, _) = made(&GridJob { ground: GroundFrom::FILTER, ..job });
         let col = ((part.corner[0] - all.corner[0]) * 2.0) as usize;
         let row = ((all.corner[1] - part.corner[1]) * 2.0) as usize;
         for (k, line) in part.values.chunks(part.width).enumerate() {

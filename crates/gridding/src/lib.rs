@@ -8,7 +8,6 @@
 mod block;
 mod disc;
 mod fill;
-pub mod ground;
 mod lattice;
 pub mod pitfree;
 mod plane;

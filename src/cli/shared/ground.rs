@@ -1,13 +1,12 @@
 //! Arguments about the model of the ground that tiles of clouds are made of, which several verbs share.
 
-use clap::ValueEnum;
-
 use crate::cli::shared::parse;
 use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::grid::GroundFrom;
 use crate::jobs::tiles::GroundModel;
+use terrane_ground::Asked;
 
 /// The model of the ground of a cloud.
 #[derive(Clone, Debug, clap::Args)]
@@ -17,28 +16,30 @@ pub(crate) struct Ground {
     /// distance between points as the headers tell it, rounded up to 1, 2 or 5 times a power of ten]
     #[arg(long, value_name = "SIZE", value_parser = parse::cell)]
     cell: Option<[f64; 2]>,
-    /// Which points of a cloud are ground, as in terrane grid: those of class 2 (or --class), those that a filter
-    /// finds among last returns, or auto: by class if there are any, else by filter [default: auto]
-    #[arg(long, value_name = "HOW", value_enum)]
+    /// Which points of a cloud are ground, as in terrane grid: class, a method with its parameters, or auto: by
+    /// class if there are any, else by the method adaptive [default: auto]
+    #[arg(long, value_name = "HOW", value_parser = GroundName::parse)]
     ground: Option<GroundName>,
 }
 
-/// Which points are ground.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum GroundName {
-    Auto,
-    Class,
-    Filter,
-}
+/// Which points are ground, as it is asked for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GroundName(GroundFrom);
 
 impl GroundName {
     /// As jobs have it, where it was named or not.
     pub(crate) fn of(named: Option<Self>) -> GroundFrom {
-        match named {
-            None | Some(Self::Auto) => GroundFrom::Auto,
-            Some(Self::Class) => GroundFrom::Class,
-            Some(Self::Filter) => GroundFrom::Filter,
-        }
+        named.map_or(GroundFrom::Auto, |Self(from)| from)
+    }
+
+    /// "auto", "class", or a method with its parameters.
+    pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {
+        let from = match text.to_ascii_lowercase().as_str() {
+            "auto" => Ok(GroundFrom::Auto),
+            "class" => Ok(GroundFrom::Class),
+            _ => Asked::parse(text).map(GroundFrom::Method),
+        };
+        from.map(Self).map_err(|e| e.to_string())
     }
 }
 

@@ -56,6 +56,21 @@ fn attributes() -> String {
     list("Attributes of points, beside the names of extra bytes", &rows)
 }
 
+pub(crate) fn grounds() -> String {
+    let all = terrane_ground::METHODS;
+    let row = |m: &terrane_ground::Method| (m.name, m.source.to_owned(), m.about);
+    let methods = list("Methods of --ground", &all.iter().map(row).collect::<Vec<_>>());
+    let own = all.iter().flat_map(|m| m.parameters.iter().map(move |p| (m, p)));
+    let row = |(m, p): (&terrane_ground::Method, &terrane_ground::Parameter)| {
+        (m.name, format!("{}={}", p.key, p.default), p.about)
+    };
+    let rows: Vec<_> = own.map(row).collect();
+    format!(
+        "{methods}\n\n{}",
+        list("Parameters, as in csf:rigidness=2,cloth=0.5, with defaults", &rows)
+    )
+}
+
 fn other_names(method: &gridding::Method) -> String {
     method.aliases.join(" ")
 }

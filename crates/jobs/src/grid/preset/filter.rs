@@ -1,7 +1,9 @@
-//! Ground points of a cloud without classes: the ground filter, tile by tile.
+//! Ground points of a cloud without classes: a method that finds them, tile by tile.
 //!
-//! A tile's lowest heights are gathered from the store with a halo of the filter's reach, so its ground
-//! is that of the whole cloud, to the last bit, whatever the size of tiles.
+//! A tile's lowest points are gathered from the store with the halo that the method asks for. That of the
+//! filter is its reach, so its ground is that of the whole cloud, to the last bit, whatever the size of
+//! tiles. The others have tiles of a fixed size, from the origin of coordinates on: they are what the
+//! method is defined on, so nothing else leaves a trace.
 
 use std::collections::BTreeSet;
 
@@ -11,23 +13,28 @@ use crate::{Cancel, Progress, workers};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
 use terrane_delaunay::Window;
-use terrane_gridding::ground::{EMPTY, Ground, Parameters, ground};
+use terrane_ground::{Asked, Ground, Lattice, Lows, NO_POINT};
 
-/// Side of a cell of the filter, in metres, unless points are further apart.
-const CELL: f64 = 1.0;
-/// Bytes that the filter needs for each cell of a tile and its halo.
-const BYTES_PER_CELL: u64 = 64;
+/// Bytes that a method needs for each cell of a tile and its halo: where tiles may have any size, and
+/// where it is fixed.
+const BYTES_PER_CELL: u64 = 72;
+const BYTES_FIXED: u64 = 256;
 /// Fewest and most cells along a tile.
 const SIDES: [i64; 2] = [64, 1024];
 
-/// The filter over the points that may be ground.
+/// A method over the points that may be ground.
 pub(crate) struct Filter<'a> {
     candidates: &'a PointStore,
-    parameters: Parameters,
+    method: Asked,
+    lattice: Lattice,
+    /// Metres to a step.
+    step: [f64; 3],
     /// Steps along a cell, in x and y.
     cell: [f64; 2],
     /// Cells along a tile, without its halo.
     side: i64,
+    /// Bytes for each tile.
+    memory: u64,
 }
 
 /// Cells from the first to before the end, in x and y.
@@ -67,13 +74,29 @@ impl Cells {
 
 impl<'a> Filter<'a> {
     /// For tiles that take about `memory` bytes each.
-    pub(crate) fn new(candidates: &'a PointStore, metres: &Metres, memory: u64) -> Self {
-        let [x, y, z] = metres.step;
-        let cell = CELL.max(spacing(candidates, metres));
-        let parameters = Parameters::metres(cell, z);
+    pub(crate) fn new(
+        candidates: &'a PointStore,
+        metres: &Metres,
+        method: Asked,
+        memory: u64,
+    ) -> Self {
+        let step = metres.step;
+        let lattice = method.lattice(spacing(candidates, metres));
+        let cell = [lattice.cell / step[0], lattice.cell / step[1]];
         let whole = (memory / BYTES_PER_CELL).isqrt() as i64;
-        let side = (whole - 2 * parameters.reach() as i64).clamp(SIDES[0], SIDES[1]);
-        Self { candidates, parameters, cell: [cell / x, cell / y], side }
+        let any = (whole - 2 * lattice.halo as i64).clamp(SIDES[0], SIDES[1]);
+        let side = lattice.core.map_or(any, |core| core as i64);
+        Self { candidates, method, lattice, step, cell, side, memory }
+    }
+
+    /// As many threads as the memory has tiles for; one, at least.
+    fn threads(&self, threads: usize) -> usize {
+        let across = self.side as u64 + 2 * self.lattice.halo as u64;
+        let tile = across * across * BYTES_FIXED;
+        match self.lattice.core {
+            Some(_) => (self.memory * threads as u64 / tile).clamp(1, threads as u64) as usize,
+            None => threads,
+        }
     }
 
     /// Adds the ground points to `into`, on so many threads.
@@ -91,7 +114,7 @@ impl<'a> Filter<'a> {
             progress.advance(1);
             Ok(())
         };
-        workers::run(threads, tiles.len() as u64, cancel, || (), tile, Ok)?;
+        workers::run(self.threads(threads), tiles.len() as u64, cancel, || (), tile, Ok)?;
         progress.end();
         Ok(())
     }
@@ -143,9 +166,15 @@ impl<'a> Filter<'a> {
 
     /// Adds the ground points of a tile.
     fn tile(&self, core: Cells, into: &PointStore) -> Result<()> {
-        let reach = self.parameters.reach() as i64;
+        let reach = self.lattice.halo as i64;
         let wide = self.all().within(&core.grown(reach));
-        let found = ground(&self.minima(&wide)?, wide.width(), &self.parameters);
+        let found = self.method.find(&Lows {
+            points: &self.lows(&wide)?,
+            width: wide.width(),
+            cell: self.lattice.cell,
+            corner: [0, 1].map(|i| wide.low[i] as f64 * self.cell[i]),
+            step: self.step,
+        });
         let mut kept = Vec::new();
         for square in self.squares(&core) {
             kept.clear();
@@ -157,20 +186,21 @@ impl<'a> Filter<'a> {
         Ok(())
     }
 
-    /// The lowest height in each of these cells.
-    fn minima(&self, cells: &Cells) -> Result<Vec<i32>> {
-        let (mut minima, width) = (vec![EMPTY; cells.count()], cells.width());
+    /// The lowest point in each of these cells; of several the first by x and y.
+    fn lows(&self, cells: &Cells) -> Result<Vec<Point>> {
+        let key = |p: &Point| (p.z, p.x, p.y);
+        let (mut lows, width) = (vec![NO_POINT; cells.count()], cells.width());
         for square in self.squares(cells) {
             self.candidates.visit(square, |run| {
                 for point in run {
                     if let Some([col, row]) = cells.place(self.locate(point).0) {
-                        let low = &mut minima[row * width + col];
-                        *low = point.z.min(*low);
+                        let low = &mut lows[row * width + col];
+                        *low = if key(point) < key(low) { *point } else { *low };
                     }
                 }
             })?;
         }
-        Ok(minima)
+        Ok(lows)
     }
 
     /// Whether a point lies in the core and is ground by what was found in the cells around it.
@@ -215,12 +245,12 @@ mod tests {
         store
     }
 
-    fn found(candidates: &PointStore, memory: u64, threads: usize) -> Vec<Point> {
+    fn found(candidates: &PointStore, method: Asked, memory: u64, threads: usize) -> Vec<Point> {
         let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
         let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
         let metres = Metres { step: [0.01; 3], is_guess: false };
-        let filter = Filter::new(candidates, &metres, memory);
-        assert!(memory > 0 || filter.tiles().unwrap().len() > 8);
+        let filter = Filter::new(candidates, &metres, method, memory);
+        assert!(memory > 0 || method != Asked::FILTER || filter.tiles().unwrap().len() > 8);
         filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
         let (mut all, mut points) = (Vec::new(), Vec::new());
         for square in 0..into.tiling().count() {
@@ -234,11 +264,26 @@ mod tests {
     fn tiles_find_the_ground_of_the_whole() {
         let folder = tempfile::tempdir().unwrap();
         let store = store(folder.path());
-        let (tiled, whole) = (found(&store, 0, 3), found(&store, 1 << 30, 1));
+        let found = |memory, threads| found(&store, Asked::FILTER, memory, threads);
+        let (tiled, whole) = (found(0, 3), found(1 << 30, 1));
         assert_eq!(tiled, whole);
         let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;
         assert!(whole.iter().all(|p| (f64::from(p.z) - plane(p)).abs() < 100.0), "houses are off");
         assert!(whole.len() > 35_000, "{}", whole.len());
+    }
+
+    #[test]
+    fn every_method_finds_the_same_whatever_the_memory_and_the_threads() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(folder.path());
+        let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;
+        for method in terrane_ground::METHODS {
+            let found = |memory, threads| found(&store, Asked::plain(method), memory, threads);
+            let whole = found(1 << 30, 1);
+            assert_eq!(found(0, 3), whole, "{}", method.name);
+            let off = whole.iter().filter(|p| (f64::from(p.z) - plane(p)).abs() > 100.0).count();
+            assert!(off == 0 && whole.len() > 30_000, "{}: {off} {}", method.name, whole.len());
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Models of the terrain from what kinds of points there are: the ground, by class or found by a
-//! filter; the surface of first returns without pits; and how high it is above the ground.
+//! method; the surface of first returns without pits; and how high it is above the ground.
 //!
-//! They are put into stores of their own: ground by class, or the candidates that the ground filter picks
+//! They are put into stores of their own: ground by class, or the candidates that a method picks
 //! from, tile by tile with its reach as a halo; first returns, and those high above the ground again in a
 //! store for each threshold. A triangle that counts in a higher store has short edges, so it is a
 //! triangle of the points near by, too: those that are long there are dropped without asking how far
@@ -25,6 +25,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_cloud::{self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, Return};
 use terrane_gridding::{Asked, Statistic, Subject};
+use terrane_ground as ground;
 
 /// A model of the terrain that is made of the points it takes, instead of a statistic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,15 +52,42 @@ impl Preset {
 }
 
 /// Which points are ground.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum GroundFrom {
-    /// Those of the classes, or found by the filter where there is none of them.
+    /// Those of the classes, or found by the best method where there is none of them.
     #[default]
     Auto,
     /// Those of the classes.
     Class,
-    /// Those that the filter finds among last returns that are no noise.
-    Filter,
+    /// Those that a method finds among last returns that are no noise.
+    Method(ground::Asked),
+}
+
+impl GroundFrom {
+    /// By the morphological filter.
+    pub const FILTER: Self = Self::Method(ground::Asked::FILTER);
+
+    /// True when a method is named, so that classes are not asked for.
+    pub(crate) fn is_method(self) -> bool {
+        matches!(self, Self::Method(_))
+    }
+
+    /// The method that finds it where classes do not tell.
+    pub(crate) fn method(self) -> ground::Asked {
+        match self {
+            Self::Method(asked) => asked,
+            Self::Auto | Self::Class => ground::Asked::BEST,
+        }
+    }
+}
+
+/// A line that tells what a method found.
+pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64) -> String {
+    let by = match method.name() {
+        "filter" => "the ground filter".to_owned(),
+        name => format!("the method {name}"),
+    };
+    format!("ground: {found} of {all} last returns, found by {by}")
 }
 
 /// The class of ground points, unless others are named.
@@ -82,9 +110,9 @@ pub(super) fn check(preset: Preset, job: &GridJob) -> Result<()> {
         let message = "--return cannot act: a preset takes the returns that it is made of";
         return Err(Error::usage(message).remedy("leave --return out"));
     }
-    if wanted.classes.is_some() && job.ground == GroundFrom::Filter {
-        let message = "--class cannot act: it names the classes of ground, which --ground filter \
-            does not ask for";
+    if wanted.classes.is_some() && job.ground.is_method() {
+        let message = "--class cannot act: it names the classes of ground, which a method of \
+            --ground does not ask for";
         return Err(Error::usage(message).remedy("leave --class out, or pass --ground class"));
     }
     Ok(())
@@ -127,7 +155,7 @@ impl Model {
         };
         let mut model = empty.with_ground(cloud, making)?;
         if preset != Preset::Dsm && model.ground.is_none() {
-            return Err(Error::bad_input("the ground filter finds no ground in the cloud")
+            return Err(Error::bad_input("no ground is found in the cloud")
                 .remedy("check what --bounds, --polygon and --z-range leave of it"));
         }
         if preset != Preset::Dtm {
@@ -140,7 +168,7 @@ impl Model {
     fn with_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
         let classes = making.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND]);
         let named = classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
-        if making.job.ground != GroundFrom::Filter {
+        if !making.job.ground.is_method() {
             let store = making.read(classes, None)?;
             let count = store.count();
             self.census = *store.census();
@@ -151,7 +179,7 @@ impl Model {
             }
             if making.job.ground == GroundFrom::Class {
                 return Err(no_ground_of_class(&named)
-                    .remedy("pass --ground filter, or name the classes of ground with --class"));
+                    .remedy("pass --ground auto, or name the classes of ground with --class"));
             }
         }
         self.filter_ground(cloud, making)
@@ -163,11 +191,11 @@ impl Model {
         self.census = *candidates.census();
         let tile = making.memory / TILE_SHARE / making.threads as u64;
         let store = making.store(candidates.tiling());
-        let filter = Filter::new(&candidates, &metres, tile);
+        let method = making.job.ground.method();
+        let filter = Filter::new(&candidates, &metres, method, tile);
         filter.run(&store, making.threads, making.progress, making.cancel)?;
         let (found, all) = (store.count(), candidates.count());
-        self.notes
-            .push(format!("ground: {found} of {all} last returns, found by the ground filter"));
+        self.notes.push(found_by(&method, found, all));
         self.spilled += candidates.spilled();
         self.ground = (found > 0).then(|| Surfaces::new(store, cloud.frame)).transpose()?;
         Ok(self)

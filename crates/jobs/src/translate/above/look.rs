@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::told::{Told, Values, Z};
 use super::{Above, Classify, HeightsAs, NO_HEIGHT};
-use crate::grid::preset::{Filter, Metres, NOISE, no_ground_of_class};
+use crate::grid::preset::{Filter, Metres, NOISE, found_by, no_ground_of_class};
 use crate::grid::{GROUND, GroundFrom, Surfaces, tiling};
 use crate::plan::At;
 use crate::points::PointStore;
@@ -164,10 +164,11 @@ impl Looking<'_> {
         }
         let tile = self.memory / TILE_SHARE / self.threads as u64;
         let ground = self.store();
-        let filter = Filter::new(candidates, &metres, tile);
+        let method = self.above.from.method();
+        let filter = Filter::new(candidates, &metres, method, tile);
         filter.run(&ground, self.threads, self.at.progress, self.at.cancel)?;
         let (found, all) = (ground.count(), candidates.count());
-        notes.push(format!("ground: {found} of {all} last returns, found by the ground filter"));
+        notes.push(found_by(&method, found, all));
         Ok(ground)
     }
 

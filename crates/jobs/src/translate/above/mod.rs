@@ -186,6 +186,6 @@ impl Above {
 
     /// Whether the ground is that of the classes, if there are points of it.
     fn takes_classes(&self) -> bool {
-        self.from != GroundFrom::Filter && !self.finds_ground()
+        !self.from.is_method() && !self.finds_ground()
     }
 }

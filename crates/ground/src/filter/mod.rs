@@ -13,10 +13,30 @@ mod fill;
 mod low;
 mod open;
 
+use crate::lows::{EMPTY, Lows};
+use crate::method::{Asked, Lattice, Method};
+use crate::surface::{BESIDE, Ground};
 use fill::filled;
 
-/// The lowest height of a cell without points.
-pub const EMPTY: i32 = i32::MAX;
+pub(crate) const METHOD: Method = Method {
+    name: "filter",
+    source: "after Pingel and others 2013",
+    about: "openings with growing squares, holes filled by means: exact in tiles of any size",
+    parameters: &[],
+    lattice: |_, spacing| {
+        let cell = spacing.max(CELL);
+        Lattice { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
+    },
+    find,
+};
+
+/// Side of a cell in metres, unless points are further apart.
+const CELL: f64 = 1.0;
+
+fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
+    let minima: Vec<i32> = lows.points.iter().map(|p| p.z).collect();
+    ground(&minima, lows.width, &Parameters::metres(lows.cell, lows.step[2]))
+}
 
 /// What is ground. Lengths are in one unit, the same for x, y and z.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,20 +79,6 @@ impl Parameters {
 
 /// Most cells of half a window.
 const MOST_RADIUS: f64 = 1024.0;
-/// Cells on each side that a slope, and a height between cells, are taken from.
-const BESIDE: usize = 1;
-
-/// The ground under a window of cells.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Ground {
-    /// Cells of a row, and of a row with its margins.
-    width: usize,
-    wide: usize,
-    /// Height of each cell and of those beside the window, in steps, or [`EMPTY`] far from all points.
-    heights: Vec<i32>,
-    /// How far a ground point of a cell may lie from it, in steps.
-    tolerances: Vec<f32>,
-}
 
 /// The ground under the cells whose lowest heights are `minima`, row by row, in steps; cells without
 /// points are [`EMPTY`], and so is all beyond the window. Cells further than [`Parameters::reach`]
@@ -88,12 +94,10 @@ pub fn ground(minima: &[i32], width: usize, parameters: &Parameters) -> Ground {
     open::take_off_objects(&mut bare, width, parameters);
     let wide = width + 2 * BESIDE;
     let heights = filled(&widened(&bare, width, BESIDE), wide, fill::reach(parameters.radius()));
-    let mut ground = Ground { width, wide, heights, tolerances: Vec::new() };
-    let Parameters { step, height, scaling, .. } = *parameters;
-    let tolerance = |at: usize| (height / step + scaling * ground.slope(at)) as f32;
-    let cells = (0..minima.len()).map(|k| ground.at(k % width, k / width));
-    ground.tolerances = cells.map(tolerance).collect();
-    ground
+    let height = |z: i32| if z == EMPTY { f64::NAN } else { f64::from(z) };
+    let Parameters { step, height: near, scaling, .. } = *parameters;
+    let heights = heights.into_iter().map(height).collect();
+    Ground::new(width, heights, |slope| near / step + scaling * slope)
 }
 
 /// Cells in the middle of empty ones.
@@ -105,60 +109,6 @@ fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
         line[margin..margin + width].copy_from_slice(inner);
     }
     cells
-}
-
-impl Ground {
-    /// Where the height of a cell is.
-    fn at(&self, col: usize, row: usize) -> usize {
-        (row + BESIDE) * self.wide + col + BESIDE
-    }
-
-    fn known(&self, at: usize) -> Option<f64> {
-        (self.heights[at] != EMPTY).then(|| f64::from(self.heights[at]))
-    }
-
-    /// Steepness at a cell in steps by cell: from the neighbours on both sides where there are.
-    fn slope(&self, at: usize) -> f64 {
-        let rise = |away: usize| match [at - away, at, at + away].map(|at| self.known(at)) {
-            [Some(a), _, Some(b)] => 0.5 * (b - a),
-            [Some(a), Some(b), None] | [None, Some(a), Some(b)] => b - a,
-            _ => 0.0,
-        };
-        let (x, y) = (rise(1), rise(self.wide));
-        (x * x + y * y).sqrt()
-    }
-
-    /// Height in steps at a place of the cell (`col`, `row`): `place` is from 0 to 1 along the rows
-    /// and across them. Between the centres of cells it is blended; `None` in a cell that is far from
-    /// all points.
-    ///
-    /// # Panics
-    /// When there is no such cell.
-    pub fn height(&self, col: usize, row: usize, place: [f64; 2]) -> Option<f64> {
-        let at = self.at(col, row);
-        let own = self.known(at)?;
-        let [(after, x), (above, y)] = place.map(|place| (place >= 0.5, (place - 0.5).abs()));
-        let beside = |at: usize| if after { at + 1 } else { at - 1 };
-        let over = if above { at + self.wide } else { at - self.wide };
-        // A neighbour that is far from all points is as high as the cell on this side of it.
-        let next = self.known(beside(at)).unwrap_or(own);
-        let up = self.known(over).unwrap_or(own);
-        let corner = self.known(beside(over)).unwrap_or(next + up - own);
-        let near = own + (next - own) * x;
-        let far = up + (corner - up) * x;
-        Some(near + (far - near) * y)
-    }
-
-    /// Whether a point of the cell (`col`, `row`) at `place` is ground. Far from the points that the
-    /// ground was made of none is.
-    ///
-    /// # Panics
-    /// When there is no such cell.
-    pub fn is_ground(&self, col: usize, row: usize, place: [f64; 2], z: i32) -> bool {
-        let tolerance = f64::from(self.tolerances[row * self.width + col]);
-        let near = |height: f64| (f64::from(z) - height).abs() <= tolerance;
-        self.height(col, row, place).is_some_and(near)
-    }
 }
 
 #[cfg(test)]
@@ -210,75 +160,6 @@ mod tests {
         assert_eq!(ground.height(1, 0, [0.0, 0.5]), Some(50.0));
         assert_eq!(ground.height(1, 1, [0.0, 0.0]), Some(175.0));
         assert_eq!(ground.height(0, 1, [1.0, 0.0]), Some(175.0));
-    }
-
-    /// Two cells by two, with the cells beside them.
-    fn ground_of(heights: [i32; 16], tolerances: [f32; 4]) -> Ground {
-        let (heights, tolerances) = (heights.to_vec(), tolerances.to_vec());
-        Ground { width: 2, wide: 4, heights, tolerances }
-    }
-
-    const DISTINCT: [i32; 16] =
-        [10, 25, 70, 3, 90, 40, 60, 85, 20, 100, 130, 170, 55, 300, 310, 290];
-
-    #[test]
-    fn a_height_is_blended_from_the_four_nearest_centres() {
-        let ground = ground_of(DISTINCT, [0.0; 4]);
-        let height = |col: usize, row: usize| f64::from(DISTINCT[row * 4 + col]);
-        for (col, row) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            for (x, y) in [(0.5, 0.5), (0.0, 0.75), (0.25, 0.25), (0.75, 0.125), (1.0, 1.0)] {
-                // The place among all centres, the first of which is at (0, 0).
-                let (east, north) = (col as f64 + 0.5 + x, row as f64 + 0.5 + y);
-                let (w, s) = (east.floor(), north.floor());
-                let [across, up] = [east - w, north - s];
-                let (w, s) = (w as usize, s as usize);
-                let along = |row: usize| match across {
-                    0.0 => height(w, row),
-                    _ => height(w, row) * (1.0 - across) + height(w + 1, row) * across,
-                };
-                let expected = match up {
-                    0.0 => along(s),
-                    _ => along(s) * (1.0 - up) + along(s + 1) * up,
-                };
-                let found = ground.height(col, row, [x, y]).unwrap();
-                assert!((found - expected).abs() < 1e-9, "{col} {row} {x} {y}: {found} {expected}");
-            }
-        }
-    }
-
-    #[test]
-    fn beyond_the_last_heights_the_surface_goes_on_as_it_was() {
-        let without = |gone: &[usize]| {
-            let mut heights = DISTINCT;
-            gone.iter().for_each(|&at| heights[at] = EMPTY);
-            ground_of(heights, [0.0; 4])
-        };
-        // The cell (0, 0) is at 5; beside it are 4 and 6, above it 9 and below it 1.
-        let own = f64::from(DISTINCT[5]);
-        let at = |gone: &[usize], place| without(gone).height(0, 0, place).unwrap();
-        assert_eq!(at(&[6, 9, 10], [1.0, 1.0]), own);
-        assert_eq!(at(&[10], [1.0, 1.0]), own + (60.0 - own) * 0.5 + (100.0 - own) * 0.5);
-        assert_eq!(at(&[6], [1.0, 0.5]), own);
-        assert_eq!(at(&[6], [1.0, 1.0]), (own + own + 100.0 + 130.0) / 4.0);
-        assert_eq!(without(&[5]).height(0, 0, [0.5; 2]), None);
-        // Slopes are taken from what is there: both sides, one, or none.
-        let slope = |gone: &[usize]| without(gone).slope(5);
-        let rise = |x: f64, y: f64| x.hypot(y);
-        assert_eq!(slope(&[]), rise(0.5 * (60.0 - 90.0), 0.5 * (100.0 - 25.0)));
-        assert_eq!(slope(&[4]), rise(20.0, 37.5));
-        assert_eq!(slope(&[6, 1]), rise(-50.0, 60.0));
-        assert_eq!(slope(&[4, 6, 9]), rise(0.0, 15.0));
-        assert_eq!(slope(&[4, 6, 1, 9]), 0.0);
-    }
-
-    #[test]
-    fn each_cell_has_its_own_tolerance() {
-        let ground = ground_of([100; 16], [1.0, 2.0, 4.0, 8.0]);
-        for (i, (col, row)) in [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().enumerate() {
-            let most = 1 << i;
-            let is = |off: i32| ground.is_ground(col, row, [0.3, 0.9], 100 + off);
-            assert_eq!([most, -most, most + 1].map(is), [true, true, false], "{col} {row}");
-        }
     }
 
     /// What is looked at for noise, twice the holes, the windows, and the cells beside.

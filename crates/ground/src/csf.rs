@@ -1,0 +1,274 @@
+//! Cloth simulation: a cloth under the points is let go, and stops where it meets the lowest.
+//!
+//! After Zhang, Qi, Wan, Wang, Xie, Wang & Yan, "An easy-to-use airborne LiDAR data filtering method
+//! based on cloth simulation" (2016), who turn the cloud upside down and let the cloth fall; here it
+//! rises. Nodes move by Verlet's integration, neighbours one and two cells away draw them together, a
+//! node that meets the lowest point of its cell stays there, and steep ground that the cloth spans is
+//! mended in the end.
+
+use crate::grid::{nearest_filled, neighbours, widened};
+use crate::lows::Lows;
+use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::surface::Ground;
+
+pub(crate) const METHOD: Method = Method {
+    name: "csf",
+    source: "Zhang and others 2016",
+    about: "a cloth that rises from below the points until it meets them",
+    parameters: &[
+        Parameter::new("cloth", 1.0, [0.25, 100.0], "distance between the cloth's nodes, metres"),
+        Parameter::new(
+            "rigidness",
+            3.0,
+            [1.0, 3.0],
+            "1 for steep ground, 2 for hills, 3 for plains",
+        )
+        .whole(),
+        Parameter::new(
+            "threshold",
+            0.5,
+            [0.0, 100.0],
+            "how far from the cloth ground may lie, metres",
+        ),
+        Parameter::new("step", 0.65, [0.1, 1.5], "time step"),
+        Parameter::new("iterations", 500.0, [1.0, 10_000.0], "most steps").whole(),
+        Parameter::new(
+            "smooth",
+            1.0,
+            [0.0, 1.0],
+            "whether steep ground is mended in the end, 0 or 1",
+        )
+        .whole(),
+    ],
+    lattice: |asked, _| Lattice::fixed(asked.value("cloth")),
+    find,
+};
+
+fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
+    let step = lows.step[2];
+    let cloth = Cloth {
+        rigidness: asked.value("rigidness") as u32,
+        time_step: asked.value("step"),
+        iterations: asked.value("iterations") as u32,
+        mend: asked.value("smooth") > 0.0,
+    };
+    let heights = widened(&settled(&lows.heights(), lows.width, &cloth), lows.width);
+    let heights = heights.into_iter().map(|z| z / step).collect();
+    Ground::new(lows.width, heights, |_| asked.value("threshold") / step)
+}
+
+/// How a cloth behaves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cloth {
+    /// 1 for steep ground, 2 for hills, 3 for plains.
+    pub(crate) rigidness: u32,
+    /// Of the integration.
+    pub(crate) time_step: f64,
+    pub(crate) iterations: u32,
+    /// Whether steep ground is mended.
+    pub(crate) mend: bool,
+}
+
+/// Acceleration, and the part of its speed that a node loses in a step.
+const GRAVITY: f64 = 0.2;
+const DAMPING: f64 = 0.01;
+/// Metres below the lowest point that the cloth starts at.
+const START: f64 = 0.05;
+/// A step in which no node moves further, in metres, is the last.
+const STILL: f64 = 0.005;
+/// Neighbours as high as this beside a node that has settled are ground, too.
+const SMOOTH: f64 = 0.3;
+/// Fewest nodes beside each other that are mended.
+const MENDED: usize = 50;
+
+/// Heights of the cloth in metres where it has come to rest under the heights of cells, NaN where
+/// there are no points.
+pub(crate) fn settled(heights: &[f64], width: usize, cloth: &Cloth) -> Vec<f64> {
+    let ceiling = nearest_filled(heights, width);
+    let lowest = ceiling.iter().copied().fold(f64::INFINITY, f64::min);
+    if !lowest.is_finite() {
+        return ceiling;
+    }
+    let start = vec![lowest - START; ceiling.len()];
+    let mut sheet = Sheet {
+        width,
+        ceiling,
+        before: start.clone(),
+        now: start,
+        held: vec![false; heights.len()],
+    };
+    let [pair, single] = stiffness(cloth.rigidness);
+    for _ in 0..cloth.iterations {
+        sheet.rise(GRAVITY * cloth.time_step * cloth.time_step);
+        sheet.draw_together(pair, single);
+        if sheet.meet() < STILL {
+            break;
+        }
+    }
+    if cloth.mend {
+        sheet.mend();
+    }
+    sheet.now
+}
+
+/// What part of their distance two free nodes move towards each other, and one that is free towards one
+/// that is held: as many times as the cloth is rigid, by 0.3 of what is left.
+fn stiffness(rigidness: u32) -> [f64; 2] {
+    let left = |part: f64| (0..rigidness).fold(1.0, |left, _| left * (1.0 - part));
+    [0.5 * (1.0 - left(0.6)), 1.0 - left(0.3)]
+}
+
+/// The nodes, one for each cell.
+struct Sheet {
+    width: usize,
+    /// The height that holds each.
+    ceiling: Vec<f64>,
+    before: Vec<f64>,
+    now: Vec<f64>,
+    held: Vec<bool>,
+}
+
+impl Sheet {
+    /// A step of the integration.
+    fn rise(&mut self, push: f64) {
+        let nodes = self.now.iter_mut().zip(&mut self.before).zip(&self.held);
+        for ((now, before), _) in nodes.filter(|(_, held)| !**held) {
+            let next = *now + (*now - *before) * (1.0 - DAMPING) + push;
+            *before = *now;
+            *now = next;
+        }
+    }
+
+    /// Each node with its neighbours, one and two cells away.
+    fn draw_together(&mut self, pair: f64, single: f64) {
+        let rows = self.now.len() / self.width;
+        for away in [1, 2] {
+            for (east, north) in [(away, 0), (0, away), (away, away)] {
+                for row in 0..rows.saturating_sub(north) {
+                    self.draw_row(row, [east, north], false, [pair, single]);
+                    if east > 0 && north > 0 {
+                        self.draw_row(row, [east, north], true, [pair, single]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The nodes of a row with those so far east and north of them; or west, `mirrored`.
+    fn draw_row(&mut self, row: usize, [east, north]: [usize; 2], mirrored: bool, parts: [f64; 2]) {
+        let (from, to) = (row * self.width, (row + north) * self.width);
+        for col in 0..self.width.saturating_sub(east) {
+            let (a, b) = match mirrored {
+                false => (from + col, to + col + east),
+                true => (from + col + east, to + col),
+            };
+            let apart = self.now[b] - self.now[a];
+            let [pair, single] = parts;
+            match [self.held[a], self.held[b]] {
+                [false, false] => {
+                    self.now[a] += apart * pair;
+                    self.now[b] -= apart * pair;
+                }
+                [false, true] => self.now[a] += apart * single,
+                [true, false] => self.now[b] -= apart * single,
+                [true, true] => {}
+            }
+        }
+    }
+
+    /// Nodes that have come to a height are held there; the furthest that any other has moved.
+    fn meet(&mut self) -> f64 {
+        let mut most = 0.0_f64;
+        for at in 0..self.now.len() {
+            if !self.held[at] {
+                most = most.max((self.now[at] - self.before[at]).abs());
+                if self.now[at] >= self.ceiling[at] {
+                    (self.now[at], self.held[at]) = (self.ceiling[at], true);
+                }
+            }
+        }
+        most
+    }
+
+    /// Lets free nodes that are many beside each other up to their heights, as far as these go on from
+    /// a node that is held without a jump.
+    fn mend(&mut self) {
+        let mut seen = self.held.clone();
+        for at in 0..seen.len() {
+            if !seen[at] {
+                let region = self.region(at, &mut seen);
+                if region.len() > MENDED {
+                    self.climb(region);
+                }
+            }
+        }
+    }
+
+    /// The free nodes around one, which are all seen then.
+    fn region(&self, at: usize, seen: &mut [bool]) -> Vec<usize> {
+        let mut region = vec![at];
+        seen[at] = true;
+        let mut next = 0;
+        while let Some(&node) = region.get(next) {
+            for other in neighbours(node, self.width, self.now.len()) {
+                if !seen[other] {
+                    seen[other] = true;
+                    region.push(other);
+                }
+            }
+            next += 1;
+        }
+        region
+    }
+
+    fn climb(&mut self, region: Vec<usize>) {
+        let near = |sheet: &Self, node: usize| {
+            let goes_on = |other: &usize| {
+                sheet.held[*other] && (sheet.ceiling[*other] - sheet.ceiling[node]).abs() < SMOOTH
+            };
+            neighbours(node, sheet.width, sheet.now.len()).any(|other| goes_on(&other))
+        };
+        let mut queue: Vec<usize> = region.into_iter().filter(|&node| near(self, node)).collect();
+        queue.iter().for_each(|&node| self.hold(node));
+        while let Some(node) = queue.pop() {
+            for other in neighbours(node, self.width, self.now.len()) {
+                let apart = (self.ceiling[other] - self.ceiling[node]).abs();
+                if !self.held[other] && apart < SMOOTH {
+                    self.hold(other);
+                    queue.push(other);
+                }
+            }
+        }
+    }
+
+    fn hold(&mut self, node: usize) {
+        (self.now[node], self.held[node]) = (self.ceiling[node], true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rigid_cloths_draw_more() {
+        let near = |found: [f64; 2], expected: [f64; 2]| {
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(near(stiffness(1), [0.3, 0.3]));
+        assert!(near(stiffness(2), [0.42, 0.51]));
+        assert!(near(stiffness(3), [0.468, 0.657]));
+    }
+
+    #[test]
+    fn a_cloth_lies_on_level_ground_and_spans_a_pit_of_the_cloud_turned_over() {
+        let (width, cells) = (60, 60 * 60);
+        let roof = |k: usize| (25..35).contains(&(k % width)) && (25..35).contains(&(k / width));
+        let heights: Vec<f64> = (0..cells).map(|k| if roof(k) { 8.0 } else { 2.0 }).collect();
+        let cloth = Cloth { rigidness: 3, time_step: 0.65, iterations: 500, mend: true };
+        let found = settled(&heights, width, &cloth);
+        for (k, z) in found.into_iter().enumerate() {
+            assert!(if roof(k) { z < 5.0 } else { (z - 2.0).abs() < 0.5 }, "{k} {z}");
+        }
+    }
+}

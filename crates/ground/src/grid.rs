@@ -1,0 +1,48 @@
+//! What methods do with the cells of a window.
+
+/// The cells north, south, west and east of one that there are.
+pub(crate) fn neighbours(at: usize, width: usize, cells: usize) -> impl Iterator<Item = usize> {
+    let col = at % width;
+    let beside = [
+        (at + width < cells).then_some(at + width),
+        at.checked_sub(width),
+        (col > 0).then(|| at - 1),
+        (col + 1 < width).then_some(at + 1),
+    ];
+    beside.into_iter().flatten()
+}
+
+/// Heights with each unknown one that of a nearest known cell, by steps along rows and columns; of
+/// several the mean of those beside it. All stay unknown where none is known.
+pub(crate) fn nearest_filled(heights: &[f64], width: usize) -> Vec<f64> {
+    let mut filled = heights.to_vec();
+    let beside = |at: usize| neighbours(at, width, heights.len());
+    let mut rim: Vec<usize> = (0..heights.len())
+        .filter(|&at| heights[at].is_nan() && beside(at).any(|k| !heights[k].is_nan()))
+        .collect();
+    while !rim.is_empty() {
+        let mean = |at: usize| {
+            let known: Vec<f64> = beside(at).map(|k| filled[k]).filter(|z| !z.is_nan()).collect();
+            known.iter().sum::<f64>() / known.len() as f64
+        };
+        let values: Vec<f64> = rim.iter().map(|&at| mean(at)).collect();
+        for (at, value) in rim.iter().zip(values) {
+            filled[*at] = value;
+        }
+        let mut next: Vec<usize> =
+            rim.iter().flat_map(|&at| beside(at)).filter(|&k| filled[k].is_nan()).collect();
+        next.sort_unstable();
+        next.dedup();
+        rim = next;
+    }
+    filled
+}
+
+/// Heights with one cell more on each side, which is as the one beside it.
+pub(crate) fn widened(heights: &[f64], width: usize) -> Vec<f64> {
+    let rows = heights.len() / width;
+    let clamp = |at: usize, count: usize| at.saturating_sub(1).min(count.saturating_sub(1));
+    let cells = (0..rows + 2).flat_map(|row| (0..width + 2).map(move |col| (col, row)));
+    let value = |(col, row)| heights.get(clamp(row, rows) * width + clamp(col, width));
+    cells.map(|cell| value(cell).copied().unwrap_or(f64::NAN)).collect()
+}

@@ -1,0 +1,21 @@
+//! Which points of a cloud are ground: methods by name, from the lowest points of cells. Pure.
+//!
+//! A method ([`METHODS`], [`Asked`]) gets the lowest point of each cell of a window ([`Lows`]) and gives
+//! a surface with a tolerance ([`Ground`]): points that lie near it are ground. Methods whose cells depend
+//! on others however far away are defined on squares of a fixed size, each with a halo ([`Lattice`]), so
+//! that the ground of a cloud is a function of the cloud alone.
+
+mod adaptive;
+mod csf;
+pub mod filter;
+mod grid;
+mod lows;
+mod method;
+mod ptd;
+mod smrf;
+mod surface;
+mod tin;
+
+pub use lows::{EMPTY, Lows, NO_POINT};
+pub use method::{Asked, Lattice, METHODS, Method, Parameter};
+pub use surface::Ground;

@@ -1,0 +1,276 @@
+//! The methods that find the ground: what one is, and how it is asked for with its parameters.
+
+use super::lows::Lows;
+use super::surface::Ground;
+use super::{adaptive, csf, filter, ptd, smrf};
+use terrane_base::error::{Error, Result};
+use terrane_base::registry::{Named, named};
+
+/// All methods. A new one is a file in this folder and a line here.
+pub const METHODS: &[Method] =
+    &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, filter::METHOD];
+
+/// One method of the registry.
+#[derive(Debug)]
+pub struct Method {
+    /// Name for `--ground`, unique.
+    pub name: &'static str,
+    /// Where it was published.
+    pub source: &'static str,
+    /// One line for the documentation.
+    pub about: &'static str,
+    /// What may follow its name.
+    pub parameters: &'static [Parameter],
+    /// How the plane is divided for it, points being so many metres apart.
+    pub(crate) lattice: fn(&Asked, f64) -> Lattice,
+    pub(crate) find: fn(&Asked, &Lows<'_>) -> Ground,
+}
+
+/// A parameter of a method, a number.
+#[derive(Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub key: &'static str,
+    /// One line for the documentation, with the unit.
+    pub about: &'static str,
+    /// Its published value.
+    pub default: f64,
+    /// Its least and its largest value.
+    pub range: [f64; 2],
+    /// True for whole numbers.
+    pub whole: bool,
+}
+
+impl Parameter {
+    pub(crate) const fn new(
+        key: &'static str,
+        default: f64,
+        range: [f64; 2],
+        about: &'static str,
+    ) -> Self {
+        Self { key, about, default, range, whole: false }
+    }
+
+    pub(crate) const fn whole(self) -> Self {
+        Self { whole: true, ..self }
+    }
+
+    fn allows(&self, value: f64) -> bool {
+        let [least, most] = self.range;
+        (least..=most).contains(&value) && (!self.whole || value.fract() == 0.0)
+    }
+
+    fn text(&self) -> String {
+        let [least, most] = self.range;
+        let kind = if self.whole { "a whole number " } else { "" };
+        format!("{}={} ({kind}from {least} to {most})", self.key, self.default)
+    }
+}
+
+/// The squares of cells that a method works in, and what each has to see.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// Side of a cell in metres.
+    pub cell: f64,
+    /// Cells that a square sees beyond its own.
+    pub halo: usize,
+    /// Cells along a square, where the result depends on that; else any number gives the same.
+    pub core: Option<usize>,
+}
+
+/// Metres along a square of a fixed lattice and its halo, and most cells of both.
+const CORE: (f64, usize) = (512.0, 768);
+const HALO: (f64, usize) = (128.0, 192);
+/// Fewest cells of both.
+const FEWEST: usize = 16;
+
+impl Lattice {
+    /// Squares of a size that depends on that of the cells alone: for methods whose cells depend on
+    /// others however far away, and which are therefore defined on these squares.
+    pub(crate) fn fixed(cell: f64) -> Self {
+        let cells =
+            |(metres, most): (f64, usize)| ((metres / cell).ceil() as usize).clamp(FEWEST, most);
+        Self { cell, halo: cells(HALO), core: Some(cells(CORE)) }
+    }
+}
+
+/// Most parameters of a method.
+const MOST: usize = 6;
+
+/// A method with its parameters.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    method: &'static Method,
+    values: [f64; MOST],
+}
+
+impl PartialEq for Asked {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name() && self.values == other.values
+    }
+}
+
+impl Asked {
+    /// The morphological filter.
+    pub const FILTER: Self = Self::plain(&filter::METHOD);
+    /// The method that is taken where none is named.
+    pub const BEST: Self = Self::plain(&adaptive::METHOD);
+
+    /// A method with its published parameters.
+    pub const fn plain(method: &'static Method) -> Self {
+        let (mut values, mut i) = ([0.0; MOST], 0);
+        while i < method.parameters.len() {
+            values[i] = method.parameters[i].default;
+            i += 1;
+        }
+        Self { method, values }
+    }
+
+    /// Reads a method as it is asked for: `csf:rigidness=2,cloth=1`.
+    ///
+    /// # Errors
+    /// Usage: a name or parameter that is not known (the known ones are told), one twice, or a value
+    /// out of its range.
+    pub fn parse(text: &str) -> Result<Self> {
+        let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
+        let mut asked = Self::plain(named(METHODS, name.trim())?);
+        let mut given = [false; MOST];
+        for pair in parameters.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
+            let (at, value) = asked.pair(pair)?;
+            if std::mem::replace(&mut given[at], true) {
+                return Err(Error::usage(format!("\"{pair}\" is given twice")));
+            }
+            asked.values[at] = value;
+        }
+        Ok(asked)
+    }
+
+    /// The place and the value of a parameter "key=value".
+    fn pair(&self, pair: &str) -> Result<(usize, f64)> {
+        let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
+        let parameters = self.method.parameters;
+        let at = parameters.iter().position(|p| p.key.eq_ignore_ascii_case(key.trim()));
+        let value = value.trim().parse::<f64>().ok();
+        match at.zip(value).filter(|(at, value)| parameters[*at].allows(*value)) {
+            Some(found) => Ok(found),
+            None => Err(self.refusal(pair)),
+        }
+    }
+
+    fn refusal(&self, pair: &str) -> Error {
+        let error = Error::usage(format!("\"{pair}\" is no parameter of {}", self.name()));
+        match self.method.parameters {
+            [] => error.remedy(format!("{} takes none", self.name())),
+            some => {
+                let known: Vec<String> = some.iter().map(Parameter::text).collect();
+                error.remedy(format!("it takes {}", known.join(", ")))
+            }
+        }
+    }
+
+    /// The name of the method.
+    pub fn name(&self) -> &'static str {
+        self.method.name
+    }
+
+    /// The value of a parameter; NaN where there is no such.
+    pub(crate) fn value(&self, key: &str) -> f64 {
+        let at = self.method.parameters.iter().position(|p| p.key == key);
+        at.map_or(f64::NAN, |at| self.values[at])
+    }
+
+    /// How the plane is divided, points being `spacing` metres apart.
+    pub fn lattice(&self, spacing: f64) -> Lattice {
+        (self.method.lattice)(self, spacing)
+    }
+
+    /// The ground under the cells of a window, or of a square with its halo.
+    pub fn find(&self, lows: &Lows<'_>) -> Ground {
+        (self.method.find)(self, lows)
+    }
+}
+
+impl Named for Method {
+    const KIND: &'static str = "method to find the ground";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_are_read_with_their_parameters() {
+        let asked = Asked::parse("CSF:rigidness=1, cloth=0.5").unwrap();
+        assert_eq!(
+            (asked.name(), asked.value("rigidness"), asked.value("cloth")),
+            ("csf", 1.0, 0.5)
+        );
+        assert_eq!(asked.value("iterations"), 500.0, "what is not given is as published");
+        assert_eq!(Asked::parse("filter").unwrap(), Asked::FILTER);
+        assert_ne!(asked, Asked::parse("csf").unwrap());
+        for method in METHODS {
+            assert!(method.parameters.len() <= MOST, "{}", method.name);
+            assert!(method.parameters.iter().all(|p| p.allows(p.default)), "{}", method.name);
+            assert_eq!(Asked::parse(method.name).unwrap(), Asked::plain(method));
+        }
+    }
+
+    #[test]
+    fn what_is_not_known_is_told_with_what_is() {
+        let told = |text: &str| Asked::parse(text).unwrap_err().to_string();
+        assert!(METHODS.iter().all(|m| told("moss").contains(m.name)), "{}", told("moss"));
+        for wrong in
+            ["csf:rigid=1", "csf:rigidness=9", "csf:rigidness=1.5", "csf:cloth=nan", "csf:cloth"]
+        {
+            assert!(told(wrong).contains("rigidness=3 (a whole number from 1 to 3)"), "{wrong}");
+        }
+        assert!(told("csf:cloth=1,cloth=2").contains("twice"));
+        assert!(told("filter:cell=1").contains("takes none"));
+    }
+
+    /// A slope with a shed on it, a hole, and a cell without points.
+    #[test]
+    fn every_method_takes_off_a_shed_and_keeps_the_slope() {
+        use crate::lows::NO_POINT;
+        use terrane_base::geom::Point;
+        let (width, rows) = (120, 110);
+        let plane = |k: usize| (k % width) as f64 * 0.1 - (k / width) as f64 * 0.05;
+        let shed = |k: usize| (50..62).contains(&(k % width)) && (40..55).contains(&(k / width));
+        let point = |k: usize| {
+            let z = plane(k) + if shed(k) { 3.0 } else { 0.0 };
+            let at = |v: usize| v as i32 * 100 + 50;
+            Point::new(at(k % width), at(k / width), (z * 100.0).round() as i32)
+        };
+        let hole = |k: usize| (20..30).contains(&(k % width)) && (70..80).contains(&(k / width));
+        let points: Vec<Point> =
+            (0..width * rows).map(|k| if hole(k) { NO_POINT } else { point(k) }).collect();
+        let lows = Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+        for method in METHODS {
+            let ground = Asked::plain(method).find(&lows);
+            for at in (0..points.len()).filter(|&at| !hole(at)) {
+                let is = ground.is_ground(at % width, at / width, [0.5; 2], points[at].z);
+                let edge = [at % width, width - 1 - at % width, at / width, rows - 1 - at / width];
+                // What lies beyond the border is not known: the first triangles are level there.
+                let is_far_in = edge.iter().all(|cells| *cells > 12);
+                assert!(!(is && shed(at)), "{}: {at} is of the shed", method.name);
+                assert!(is || shed(at) || !is_far_in, "{}: {at} is ground", method.name);
+            }
+            let empty = Lows { points: &[], ..lows };
+            Asked::plain(method).find(&empty);
+            let none = Lows { points: &vec![NO_POINT; 9], width: 3, ..lows };
+            assert!(!Asked::plain(method).find(&none).is_ground(1, 1, [0.5; 2], 0));
+        }
+    }
+
+    #[test]
+    fn squares_are_as_large_as_cells_allow() {
+        let sizes = |cell: f64| (Lattice::fixed(cell).core, Lattice::fixed(cell).halo);
+        assert_eq!(sizes(1.0), (Some(512), 128));
+        assert_eq!(sizes(0.01), (Some(768), 192));
+        assert_eq!(sizes(1000.0), (Some(16), 16));
+    }
+}
