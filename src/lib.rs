@@ -60,7 +60,7 @@ mod cli;
 mod facade;
 
 // The rooms, by the names that the command line has for them.
-use terrane_base::{bound, error, geom};
+use terrane_base::{attribute, bound, error, geom};
 use terrane_files::{self as files, atomic};
 use terrane_synth as synth;
 use {terrane_cloud as cloud, terrane_gridding as gridding, terrane_jobs as jobs};

@@ -199,6 +199,8 @@ fn jobs() -> Vec<String> {
         "--stat mean,max --fill 3",
         "--stat mean,idw --compat pdal --radius 1.5",
         "--stat count,min --compat lasr",
+        "--stat max:attribute=intensity,std:attribute=angle,mean:attribute=time,nearest:attribute=source",
+        "--stat count:class=2,mean:return=last,density:min=950,max=960,share:class=2,p95:above=950",
         "--stat mean --every 3 --return last",
         "--stat mean --align 0.25,0.75 --type int16 --round --nodata -1",
     ] {
@@ -299,6 +301,10 @@ fn jobs() -> Vec<String> {
         "mixed.geojson",
     ] {
         add(format!("info ../in/{input} --json"));
+    }
+    add("info ../in/dense.laz --stats --json".into());
+    for what in ["density", "voids", "height", "class"] {
+        add(format!("info ../in/dense.laz --picture o.png --picture-of {what} --cell 1"));
     }
     add("info ../in/mesh.ply --quality --grid ../in/rough.tif --json".into());
     for proof in [

@@ -399,7 +399,7 @@ mod tests {
     fn corners_are_read() {
         assert_eq!(parse_pair("-1.5,2"), Ok([-1.5, 2.0]));
         assert!(parse_pair("1").is_err());
-        assert!(parse_stats("mean,mode").is_err());
+        assert!(parse_stats("mean,modus").is_err());
     }
 
     #[test]

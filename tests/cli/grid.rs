@@ -140,6 +140,12 @@ fn the_book_tells_of_every_statistic_and_option() {
             assert!(page.contains(&format!("`{}`", parameter.key)), "{}", parameter.key);
         }
     }
+    for parameter in gridding::OF_POINTS {
+        assert!(page.contains(&format!("| `{}=", parameter.key)), "{}", parameter.key);
+    }
+    for attribute in terrane_base::attribute::ATTRIBUTES {
+        assert!(names.contains(&format!("| `{}` |", attribute.name)), "{}", attribute.name);
+    }
     let help = Place::new().ok(&["grid", "--help"]).out;
     let options = help.split_whitespace().filter(|word| word.starts_with("--") && word.len() > 2);
     let own =

@@ -68,7 +68,6 @@ fn what_cannot_be_is_refused_by_name() {
         ("points a.laz x.laz --classify trees", 2, "none of ground"),
         ("points a.laz x.laz --height-above-ground=x", 2, "dimension"),
         ("points b.las x.laz --classify height:40=1", 2, "no class 40"),
-        ("points cloud:c.xyz x.laz --height-above-ground --ground class --class 6", 65, "triang"),
         ("points nothing.laz x.laz", 65, "nothing.laz"),
         ("points synth:cloud,size=9 x.laz", 2, "synth"),
     ] {

@@ -6,6 +6,7 @@ mod cloud_support;
 mod data;
 
 mod above;
+mod columns;
 mod filters;
 mod formats;
 mod octree;

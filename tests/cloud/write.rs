@@ -13,7 +13,7 @@ use terrane_cloud::{Filter, OpenOptions, PointSource, Return};
 use terrane_jobs::survey::{self, SurveyJob};
 use terrane_jobs::{Cancel, Resources, Silent};
 
-fn options(format: u8, compress: bool) -> WriteOptions {
+pub(crate) fn options(format: u8, compress: bool) -> WriteOptions {
     let frame = Frame { scale: [0.01, 0.001, 0.5], offset: [500.0, -70.25, 10.0] };
     WriteOptions {
         packing: if compress { Packing::Chunks } else { Packing::Plain },
@@ -22,7 +22,7 @@ fn options(format: u8, compress: bool) -> WriteOptions {
 }
 
 /// Points that take every field to its ends now and then.
-fn records(count: usize) -> Vec<Record> {
+pub(crate) fn records(count: usize) -> Vec<Record> {
     let record = |k: usize| {
         let hash = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let bits = |from: u32| (hash >> from) as u16;
@@ -49,7 +49,11 @@ fn records(count: usize) -> Vec<Record> {
     (0..count).map(record).collect()
 }
 
-fn write(path: &Path, options: &WriteOptions, records: &[Record]) -> terrane::Result<u64> {
+pub(crate) fn write(
+    path: &Path,
+    options: &WriteOptions,
+    records: &[Record],
+) -> terrane::Result<u64> {
     let mut writer = CloudWriter::create(path, options)?;
     for chunk in records.chunks(CHUNK) {
         let chunk = writer.layout().chunk(chunk)?;

@@ -96,6 +96,30 @@ fn statistics_around_centres_agree_with_brute_force() {
     }
 }
 
+/// No point is handed to another cell for them, and cells take them with all others.
+#[test]
+fn circles_within_cells_hold_their_points() {
+    let folder = tempdir().unwrap();
+    let [own, wider] = ["own.tif", "wider.tif"].map(|name| folder.path().join(name));
+    let source = Memory::new(FAR, &points(5000, 1000, 100, 11), 1000);
+    for (bands, stats) in [
+        (1, "idw:radius=0.45"),
+        (1, "nearest:radius=0.3"),
+        (3, "mean,idw:radius=0.45,nearest:radius=0.3"),
+    ] {
+        let [own, wider] = [&own, &wider];
+        let job = |path, stats: &str| GridJob { overwrite: true, ..wide(path, stats, 1.0) };
+        run(&source, &job(own, stats));
+        run(&source, &job(wider, &format!("{stats},idw:radius=3")));
+        for band in 1..=bands {
+            let [found, expected] = [own, wider].map(|path| read(path, band).values);
+            let void = found.iter().filter(|value| value.is_nan()).count();
+            assert!(void * 2 < found.len(), "{void} of {} in band {band}", found.len());
+            assert!(found.iter().zip(&expected).all(|(a, b)| near(*a, *b, 0.0)), "{stats} {band}");
+        }
+    }
+}
+
 /// Points nearer to the centre (x, y) than `radius`, by their squared distances: all in whole numbers
 /// of 10^-6, `scale` of them to a step.
 fn within(points: &[Point], scale: [i64; 2], centre: [i64; 2], radius: i64) -> Vec<(i128, Point)> {

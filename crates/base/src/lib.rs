@@ -1,6 +1,7 @@
 //! What all rooms share: errors that name file, place and remedy, limits for values found in untrusted
 //! headers, a way to stop, and the geometry of windows, maps and coordinate reference systems.
 
+pub mod attribute;
 pub mod bits;
 pub mod bound;
 pub mod cancel;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use terrane_base::attribute::Return;
 use terrane_base::geom::{Frame, Point};
 
 use super::Polygon;
@@ -33,21 +34,8 @@ pub struct Filter {
 
 const EVERYWHERE: [f64; 4] = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY];
 
-/// A return of a pulse.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Return {
-    /// The first one.
-    First,
-    /// The last one, which may be the first one as well.
-    Last,
-    /// The first one of pulses that have no other.
-    Only,
-    /// The one of this number, from 1.
-    Number(u8),
-}
-
 /// Marks that a point may bear, by the bits of LAS 1.4.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Flags(pub u8);
 
 impl Flags {
@@ -107,18 +95,6 @@ pub enum Verdict {
     Withheld,
     /// It is not wanted.
     Filtered,
-}
-
-impl Return {
-    /// Whether it is return `number` of `returns`.
-    pub fn is(self, number: u8, returns: u8) -> bool {
-        match self {
-            Self::First => number <= 1,
-            Self::Last => number >= returns,
-            Self::Only => number <= 1 && returns <= 1,
-            Self::Number(wanted) => number == wanted,
-        }
-    }
 }
 
 impl Filter {

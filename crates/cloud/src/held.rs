@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
+use super::columns::{Each, Reader, Table, readers};
 use super::filter::{Flags, Gate};
 use super::frame::Map;
 use super::lattice::{Placed, Span, decimals};
 use super::sieve::{Raw, Sieve};
-use super::{BATCH, Census, CloudInfo, OpenOptions, PointSource};
+use super::{BATCH, Census, CloudInfo, Columns, OpenOptions, PointSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point};
 use terrane_files::{Held, Register};
@@ -154,8 +155,32 @@ impl PointSource for Open {
         Ok(census)
     }
 
+    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+        Ok(Box::new(Told { open: self, readers: readers(names, &[])? }))
+    }
+
     fn notes(&self) -> &[String] {
         &self.notes
+    }
+}
+
+/// The same with attributes.
+struct Told<'a> {
+    open: &'a Open,
+    readers: Vec<Reader>,
+}
+
+impl Columns for Told<'_> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
+        let (mut census, mut table) = (Census::default(), Table::new(&self.readers));
+        let Some(sieve) = &self.open.sieve else { return Ok(census) };
+        let first = (part * BATCH) as u64;
+        for (index, point) in (first..).zip(self.open.part(part)) {
+            if let Some(place) = sieve.pick(*point, index, &mut census)? {
+                table.push(place, *point, &[]);
+            }
+        }
+        table.flush(each).map(|()| census)
     }
 }
 

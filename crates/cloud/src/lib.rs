@@ -2,6 +2,8 @@
 
 mod agree;
 mod carry;
+mod class;
+mod columns;
 mod copc;
 mod facts;
 mod filter;
@@ -20,14 +22,17 @@ pub mod synth;
 mod text;
 pub mod write;
 
-pub use carry::Carrier;
-pub use filter::{Filter, Flags, Gate, Record, Return, Verdict};
+pub use carry::{Carrier, Seen, Sight};
+pub use class::class_name;
+pub use columns::{Columns, Each};
+pub use filter::{Filter, Flags, Gate, Record, Verdict};
 pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
 pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::Polygon;
 
-use terrane_base::error::Result;
+pub use terrane_base::attribute::Return;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_files::is_held;
 
@@ -112,6 +117,15 @@ pub trait PointSource: Send + Sync {
     /// # Errors
     /// Damage that the source was not told to pass over, and whatever `each` returns.
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census>;
+
+    /// A way to read it with these attributes, by the names of [`terrane_base::attribute`] or of extra bytes.
+    ///
+    /// # Errors
+    /// An attribute that its points, or those of one of its files, do not have.
+    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+        let names = names.join(", ");
+        Err(Error::unsupported(format!("this source of points does not tell {names}")))
+    }
 
     /// The files behind it, by name.
     fn files(&self) -> &[String] {

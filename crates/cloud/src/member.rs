@@ -6,6 +6,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Frame, Point};
 
 use super::carry::Recast;
+use super::columns::{self, Reader, Table};
 use super::frame::Claim;
 use super::las::{self, Block, LasFile, New, Old, unpacked};
 use super::lazip::Wanted;
@@ -136,6 +137,48 @@ impl Visit for Look<'_> {
     }
 }
 
+/// Whole records of a block, by their format.
+trait Take {
+    fn take<'r, R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()>;
+}
+
+/// Takes wanted points on with their attributes.
+struct Tell<'a, 'b> {
+    sieve: &'a Sieve,
+    table: Table<'a>,
+    census: Census,
+    each: &'a mut columns::Each<'b>,
+}
+
+impl Take for Tell<'_, '_> {
+    fn take<'r, R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        for (index, (record, raw)) in (first..).zip(records) {
+            if let Some(point) = self.sieve.pick(raw, index, &mut self.census)? {
+                self.table.push(point, raw, record);
+            }
+        }
+        self.table.flush(self.each)
+    }
+}
+
+impl Visit for Tell<'_, '_> {
+    fn visit<R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()> {
+        self.take(first, records.map(|raw| (&[][..], raw)))
+    }
+}
+
 /// Takes wanted records on as those of another format.
 struct Carry<'a, 'b> {
     sieve: &'a Sieve,
@@ -147,7 +190,7 @@ struct Carry<'a, 'b> {
     each: &'a mut (dyn FnMut(&[u8]) -> Result<()> + 'b),
 }
 
-impl Carry<'_, '_> {
+impl Take for Carry<'_, '_> {
     fn take<'r, R: Raw>(
         &mut self,
         first: u64,
@@ -230,7 +273,33 @@ impl Member {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let mut carry =
             Carry { sieve, recast, as_stored, census: Census::default(), out: Vec::new(), each };
-        let lost = match &self.file {
+        let lost = self.take(part, room, &mut carry)?;
+        Ok(with_lost(carry.census, lost))
+    }
+
+    /// Hands on the wanted points of a part with the attributes that are read so.
+    pub(super) fn columns(
+        &self,
+        part: usize,
+        readers: &[Reader],
+        room: &mut Room,
+        each: &mut columns::Each<'_>,
+    ) -> Result<Census> {
+        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
+        let mut tell = Tell { sieve, table: Table::new(readers), census: Census::default(), each };
+        let lost = match readers.iter().any(Reader::needs_record) {
+            true => self.take(part, room, &mut tell),
+            false => {
+                let wanted = Wanted { class: true, ..sieve.wanted() };
+                self.visit(part, wanted, &mut room.records, &mut tell)
+            }
+        }?;
+        Ok(with_lost(tell.census, lost))
+    }
+
+    /// Lets `taker` have the whole records of a part, block by block; returns how many are lost.
+    fn take(&self, part: usize, room: &mut Room, taker: &mut impl Take) -> Result<u64> {
+        match &self.file {
             File::Las(file) => {
                 let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
                 file.records(
@@ -242,8 +311,8 @@ impl Member {
                         let Block::Records(records) = block else { return Err(no_records()) };
                         let records = records.chunks_exact(size);
                         match is_new {
-                            true => carry.take(first, records.map(|r| (r, New::of(r)))),
-                            false => carry.take(first, records.map(|r| (r, Old::of(r)))),
+                            true => taker.take(first, records.map(|r| (r, New::of(r)))),
+                            false => taker.take(first, records.map(|r| (r, Old::of(r)))),
                         }
                         .map_err(|e| e.in_file(&file.path))
                     },
@@ -252,13 +321,12 @@ impl Member {
             File::Text(file) => {
                 file.records(part, self.salvage, &mut |first, lines: &[text::Line]| {
                     let records: Vec<_> = lines.iter().map(text::Line::record).collect();
-                    carry
+                    taker
                         .take(first, records.iter().map(|r| (r.as_slice(), New::of(r))))
                         .map_err(|e| e.in_file(&file.path))
                 })
             }
-        }?;
-        Ok(with_lost(carry.census, lost))
+        }
     }
 
     /// Lets `visitor` see the records of a part, block by block; returns how many are lost.

@@ -19,7 +19,7 @@ use super::las::LasFile;
 use super::member::{File, Member, take_room};
 use super::sieve::Sieve;
 use super::text::TextFile;
-use super::{Census, CloudInfo, Filter, Gate, PointSource, Record, agree};
+use super::{Census, CloudInfo, Columns, Filter, Gate, PointSource, Record, agree};
 
 /// What says that a file is a cloud, before its name.
 const CLOUD_PREFIX: &str = "cloud:";
@@ -32,7 +32,7 @@ const MOST_NOTES: usize = 20;
 const CLOUDS: Seek = Seek { what: "point cloud", is_member, file_name: |input| input };
 
 /// How a cloud is read.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OpenOptions {
     /// Which points are wanted.
     pub filter: Filter,
@@ -150,6 +150,10 @@ impl PointSource for Cloud {
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
         let (_, member, inner) = self.part(part)?;
         take_room(|room| member.read(inner, room, each))
+    }
+
+    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+        self.tell(names)
     }
 }
 

@@ -1,7 +1,9 @@
 //! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
 
+use super::columns::{Each, Reader, Table, readers};
 use super::filter::{Filter, Flags, Gate, Record, Verdict};
-use super::{BATCH, Census, CloudInfo, PointSource, write};
+use super::las::New;
+use super::{BATCH, Census, CloudInfo, Columns, PointSource, write};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_synth::cloud::{Echo, Survey};
@@ -79,6 +81,30 @@ impl Synthetic {
         [x + west, y + south, x + east, y + north]
     }
 
+    /// Hands on the wanted echoes of a part.
+    fn sift(&self, part: usize, mut each: impl FnMut(&Echo) -> Result<()>) -> Result<Census> {
+        if part >= self.parts() {
+            return Err(Error::usage(format!("the cloud has no part {part}")));
+        }
+        if !self.touches(part) {
+            return Ok(Census::default());
+        }
+        let mut echoes = Vec::new();
+        self.survey.fill(part, &mut echoes);
+        let mut census = Census { read: echoes.len() as u64, ..Census::default() };
+        for (index, echo) in echoes.iter().enumerate() {
+            match self.gate.judge(&self.record(echo, index)) {
+                Verdict::Keep => {
+                    census.kept += 1;
+                    each(echo)?;
+                }
+                Verdict::Withheld => census.withheld += 1,
+                Verdict::Filtered => census.filtered += 1,
+            }
+        }
+        Ok(census)
+    }
+
     fn record(&self, echo: &Echo, index: usize) -> Record {
         Record {
             point: echo.point,
@@ -123,26 +149,42 @@ impl PointSource for Synthetic {
     }
 
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
-        if part >= self.parts() {
-            return Err(Error::usage(format!("the cloud has no part {part}")));
-        }
-        if !self.touches(part) {
-            return Ok(Census::default());
-        }
-        let mut echoes = Vec::new();
-        self.survey.fill(part, &mut echoes);
-        let mut census = Census { read: echoes.len() as u64, ..Census::default() };
-        let mut points = Vec::with_capacity(echoes.len());
-        for (index, echo) in echoes.iter().enumerate() {
-            match self.gate.judge(&self.record(echo, index)) {
-                Verdict::Keep => points.push(echo.point),
-                Verdict::Withheld => census.withheld += 1,
-                Verdict::Filtered => census.filtered += 1,
-            }
-        }
-        census.kept = points.len() as u64;
+        let mut points = Vec::new();
+        let census = self.sift(part, |echo| {
+            points.push(echo.point);
+            Ok(())
+        })?;
         points.chunks(BATCH).try_for_each(each)?;
         Ok(census)
+    }
+
+    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+        let format = write::PointFormat::new(FULL)?;
+        let readers = readers(names, &write::columns(format, &[]))?;
+        Ok(Box::new(Told { cloud: self, format, readers }))
+    }
+}
+
+/// The point format with all that echoes have.
+const FULL: u8 = 8;
+
+/// The same with attributes: those of the records that files of them would have.
+struct Told<'a> {
+    cloud: &'a Synthetic,
+    format: write::PointFormat,
+    readers: Vec<Reader>,
+}
+
+impl Columns for Told<'_> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
+        let (mut table, mut bytes) = (Table::new(&self.readers), Vec::new());
+        let census = self.cloud.sift(part, |echo| {
+            bytes.clear();
+            self.format.encode(&[echo.into()], &mut bytes);
+            table.push(echo.point, New::of(&bytes), &bytes);
+            if table.len() < BATCH { Ok(()) } else { table.flush(each) }
+        })?;
+        table.flush(each).map(|()| census)
     }
 }
 

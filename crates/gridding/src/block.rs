@@ -15,6 +15,18 @@ pub struct Units {
     pub area: f64,
 }
 
+impl Units {
+    /// A height in steps as one in world units.
+    pub(super) fn height(&self, steps: Option<f64>) -> f64 {
+        steps.map_or(f64::NAN, |steps| steps * self.scale + self.offset)
+    }
+
+    /// A difference of heights in steps as one in world units.
+    pub(super) fn difference(&self, steps: Option<f64>) -> f64 {
+        steps.map_or(f64::NAN, |steps| steps * self.scale)
+    }
+}
+
 /// Cells and what has been kept of their points.
 #[derive(Debug)]
 pub struct Block {
@@ -74,7 +86,9 @@ impl Block {
 
     /// The value of a band in cell `at`; NaN where there is none.
     pub fn value(&self, band: &Band, at: usize, units: &Units) -> f64 {
-        band.statistic.value(&Cell { planes: &self.planes, uses: &band.planes, at, units })
+        let units = &band.units(units);
+        let cell = Cell { planes: &self.planes, uses: &band.planes, at, units };
+        band.statistic.value(&cell, band.is_real)
     }
 }
 
@@ -87,24 +101,14 @@ pub(super) struct Cell<'a> {
     pub(super) units: &'a Units,
 }
 
-impl Cell<'_> {
+impl<'a> Cell<'a> {
     /// The plane that the statistic has named at `of`.
-    pub(super) fn plane<P: Plane>(&self, of: usize) -> Option<&P> {
+    pub(super) fn plane<P: Plane>(&self, of: usize) -> Option<&'a P> {
         like(&*self.planes[self.uses[of]]).ok()
     }
 
     /// What that plane has kept of the cell.
     pub(super) fn kept<K: Keep>(&self, of: usize) -> K {
         self.plane::<Cells<K>>(of).map_or(K::NONE, |Cells(cells)| cells[self.at])
-    }
-
-    /// A height in steps as one in world units.
-    pub(super) fn height(&self, steps: Option<f64>) -> f64 {
-        steps.map_or(f64::NAN, |steps| steps * self.units.scale + self.units.offset)
-    }
-
-    /// A difference of heights in steps as one in world units.
-    pub(super) fn difference(&self, steps: Option<f64>) -> f64 {
-        steps.map_or(f64::NAN, |steps| steps * self.units.scale)
     }
 }

@@ -27,6 +27,17 @@ pub struct Scatter {
     rows: Vec<u128>,
 }
 
+/// What points are handed to.
+#[derive(Debug)]
+pub struct Target<'a> {
+    /// The block.
+    pub block: &'a mut Block,
+    /// The region of the recipe that they are of.
+    pub region: usize,
+    /// Values that are any numbers, as [`Hits`] has them.
+    pub reals: &'a [f64],
+}
+
 /// Hits that are handed over at once.
 const ROOM: usize = 4096;
 
@@ -64,7 +75,7 @@ impl Scatter {
         (lattice, window, stride): (&Lattice, Rect, u32),
         points: &[Point],
         places: &[(i32, i32)],
-        (block, region): (&mut Block, usize),
+        mut to: Target<'_>,
     ) -> Result<()> {
         for (point, (col, row)) in points.iter().zip(places) {
             let cols = clip(i64::from(*col), self.across, window.col, window.width);
@@ -75,24 +86,17 @@ impl Scatter {
             lattice.y.squares(point.y, rows, self.unit, &mut self.rows);
             for i in 0..self.rows.len() {
                 let first = (down + i as u32) * stride + first;
-                self.row(*point, first, self.rows[i], block, region)?;
+                self.row(*point, first, self.rows[i], &mut to)?;
             }
         }
-        self.flush(block, region)
+        self.flush(&mut to)
     }
 
     /// The cells of one row, from place `first` on.
-    fn row(
-        &mut self,
-        point: Point,
-        first: u32,
-        down: u128,
-        block: &mut Block,
-        region: usize,
-    ) -> Result<()> {
+    fn row(&mut self, point: Point, first: u32, down: u128, to: &mut Target<'_>) -> Result<()> {
         // Blocks are narrower than the room.
         if self.filled + self.columns.len() > ROOM {
-            self.flush(block, region)?;
+            self.flush(to)?;
         }
         let mut at = self.filled;
         for (cell, across) in (first..).zip(&self.columns) {
@@ -106,11 +110,11 @@ impl Scatter {
         Ok(())
     }
 
-    fn flush(&mut self, block: &mut Block, region: usize) -> Result<()> {
+    fn flush(&mut self, to: &mut Target<'_>) -> Result<()> {
         let filled = std::mem::take(&mut self.filled);
         let (cells, points) = (&self.cells[..filled], &self.points[..filled]);
         let (squares, unit) = (&self.squares[..filled], self.unit.size);
-        block.add(region, Hits { cells, points, squares, unit })
+        to.block.add(to.region, Hits { cells, points, squares, unit, reals: to.reals })
     }
 }
 

@@ -13,11 +13,14 @@ pub mod pitfree;
 mod plane;
 mod recipe;
 mod statistic;
+mod subject;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_of_subjects;
 
 pub use block::{Block, Units};
-pub use disc::Scatter;
+pub use disc::{Scatter, Target};
 pub use fill::fill;
 pub use lattice::{Axis, Edges, Lattice, Unit};
 pub use plane::Hits;
@@ -25,3 +28,4 @@ pub use recipe::{Band, Recipe, Region, Rules};
 pub use statistic::{
     Asked, METHODS, MOST_POWER, Method, Parameter, Shape, Statistic, check_power, parse_list,
 };
+pub use subject::{OF_POINTS, Selected, Selector, Subject};

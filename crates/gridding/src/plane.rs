@@ -13,13 +13,15 @@ use terrane_base::geom::Point;
 pub struct Hits<'a> {
     /// Places of the cells in the block.
     pub cells: &'a [u32],
-    /// The points, one for each cell.
+    /// The points, one for each cell, with a value in place of their height where the subject is another.
     pub points: &'a [Point],
     /// Their squared distances from the centres of the cells, in units; empty where nothing asks for
     /// them.
     pub squares: &'a [u128],
     /// World size of the unit.
     pub unit: f64,
+    /// Values that are any numbers, named by the heights of the points.
+    pub reals: &'a [f64],
 }
 
 /// What is kept of the points of one cell: whole numbers that are added, or extremes, so that their order

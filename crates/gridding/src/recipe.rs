@@ -6,8 +6,10 @@
 //! what is kept can be added up in any order. Weights of inverse distances are rounded to whole numbers
 //! once, before they are added.
 
+use super::block::Units;
 use super::plane::Primitive;
 use super::statistic::{Asked, Statistic};
+use super::subject::Subject;
 
 /// Which points a cell takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +41,9 @@ impl Rules {
 /// What is kept of the points, and the bands that are made of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
-    pub(super) regions: Vec<Region>,
+    subjects: Vec<Subject>,
+    /// Regions, each of the points of a subject.
+    pub(super) regions: Vec<(usize, Region)>,
     /// What is kept of the points of which region.
     pub(super) planes: Vec<(usize, Primitive)>,
     bands: Vec<Band>,
@@ -54,6 +58,10 @@ pub struct Band {
     pub statistic: Statistic,
     /// The planes it is made of, in the order that the statistic wants.
     pub(super) planes: Vec<usize>,
+    /// What the steps of its values are in the world, where they are not of heights.
+    step: Option<f64>,
+    /// Whether they are any numbers, not steps.
+    pub(super) is_real: bool,
 }
 
 impl Band {
@@ -66,24 +74,58 @@ impl Band {
     pub fn is_triangulated(&self) -> bool {
         self.statistic.shape().is_some()
     }
+
+    /// What its numbers are worth, beside those of heights.
+    pub(super) fn units(&self, heights: &Units) -> Units {
+        self.step.map_or(*heights, |scale| Units { scale, offset: 0.0, ..*heights })
+    }
 }
 
 impl Recipe {
     /// For these statistics by these rules.
     pub fn new(asked: &[Asked], rules: &Rules) -> Self {
-        let mut recipe = Self { regions: Vec::new(), planes: Vec::new(), bands: Vec::new() };
-        for one in asked {
-            let (region, primitives) = one.statistic.needs(rules);
-            let planes = primitives.into_iter();
-            let planes = planes.map(|p| {
-                let region = position(&mut recipe.regions, region);
-                position(&mut recipe.planes, (region, p))
-            });
-            let planes = planes.collect();
-            let (label, statistic) = (one.label.clone(), one.statistic);
-            recipe.bands.push(Band { label, statistic, planes });
+        let mut recipe = Self {
+            subjects: Vec::new(),
+            regions: Vec::new(),
+            planes: Vec::new(),
+            bands: Vec::new(),
+        };
+        for Asked { statistic, label, subject } in asked {
+            let is_real = subject.is_real();
+            let needs = statistic.needs(rules, is_real);
+            let mut planes = recipe.keep(subject, &needs);
+            if let Some(base) = statistic.base(subject) {
+                planes.extend(recipe.keep(&base, &needs));
+            }
+            let (label, statistic, step) = (label.clone(), *statistic, subject.step());
+            recipe.bands.push(Band { label, statistic, planes, step, is_real });
         }
         recipe
+    }
+
+    /// The planes of what is kept of the points of a subject.
+    fn keep(&mut self, subject: &Subject, needs: &(Region, Vec<Primitive>)) -> Vec<usize> {
+        let (region, primitives) = needs;
+        if primitives.is_empty() {
+            return Vec::new();
+        }
+        let subject = position(&mut self.subjects, subject.clone());
+        let region = position(&mut self.regions, (subject, *region));
+        primitives.iter().map(|kept| position(&mut self.planes, (region, *kept))).collect()
+    }
+
+    /// What its statistics are of.
+    pub fn subjects(&self) -> &[Subject] {
+        &self.subjects
+    }
+
+    /// The attributes that points have to come with.
+    pub fn attributes(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        for name in self.subjects.iter().flat_map(Subject::reads) {
+            position(&mut all, name.to_owned());
+        }
+        all
     }
 
     /// The bands, in the order asked for.
@@ -91,9 +133,10 @@ impl Recipe {
         &self.bands
     }
 
-    /// The regions that points are needed of.
-    pub fn regions(&self) -> &[Region] {
-        &self.regions
+    /// The regions that points of a subject are needed of, by their places among all.
+    pub fn regions_of(&self, subject: usize) -> impl Iterator<Item = (usize, Region)> {
+        let all = self.regions.iter().enumerate();
+        all.filter(move |(_, (of, _))| *of == subject).map(|(at, (_, region))| (at, *region))
     }
 
     /// True when nothing is kept of cells.
@@ -108,7 +151,7 @@ impl Recipe {
 
     /// The largest radius that a cell looks around in; 0 when it looks at its own points only.
     pub fn reach(&self) -> f64 {
-        self.regions.iter().fold(0.0, |most, region| match *region {
+        self.regions.iter().fold(0.0, |most, (_, region)| match *region {
             Region::Cell => most,
             Region::Disc(radius) => radius.max(most),
         })
@@ -145,13 +188,18 @@ mod tests {
             Recipe::new(&parse_list(list).unwrap(), &rules)
         };
         let own = recipe("mean,std,min,range,count", false);
-        assert_eq!(own.regions, [Region::Cell]);
+        assert_eq!(own.regions, [(0, Region::Cell)]);
         assert_eq!(own.bytes_per_cell(), 4 + 8 + 16 + 4 + 4);
         let wide = recipe("mean,idw,idw:power=2,idw:radius=3,nearest,count", false);
         assert_eq!(wide.regions.len(), 3);
         assert_eq!(wide.bytes_per_cell(), 4 + 8 + (32 + 4) + 32 + (32 + 4) + 32);
         assert_eq!((wide.reach(), own.reach()), (3.0, 0.0));
-        assert_eq!(recipe("mean,idw", true).regions, [Region::Disc(2.0)]);
-        assert_eq!(recipe("median,p95", false).bytes_per_point(), 8);
+        assert_eq!(recipe("mean,idw", true).regions, [(0, Region::Disc(2.0))]);
+        assert_eq!(recipe("median,p95,skewness,entropy", false).bytes_per_point(), 8);
+        let classes = recipe("count:class=2,count:class=6,share:class=2,count,cover", false);
+        assert_eq!((classes.subjects().len(), classes.bytes_per_cell()), (5, 20));
+        assert_eq!(classes.attributes(), ["classification", "return_number", "number_of_returns"]);
+        assert_eq!(recipe("p5:attribute=time", false).bytes_per_point(), 12);
+        assert!(recipe("mean,max:above=2", false).attributes().is_empty());
     }
 }

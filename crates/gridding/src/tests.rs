@@ -44,6 +44,10 @@ fn plain(statistic: Statistic, steps: &[i32]) -> f64 {
     }
 }
 
+fn to(block: &mut Block) -> Target<'_> {
+    Target { block, region: 0, reals: &[] }
+}
+
 fn near(a: f64, b: f64) -> bool {
     a.is_nan() && b.is_nan() || (a - b).abs() <= 1e-9 * b.abs().max(1.0)
 }
@@ -68,7 +72,7 @@ proptest! {
         let recipe = recipe(OWN, around);
         let mut blocks = [(); 3].map(|()| Block::new(&recipe, 6));
         for &(cell, z, division) in &points {
-            let hits = Hits { cells: &[cell], points: &[Point::new(1, 2, z)], squares: &[], unit: 1.0 };
+            let hits = Hits { cells: &[cell], points: &[Point::new(1, 2, z)], squares: &[], unit: 1.0, reals: &[] };
             blocks[division].add(0, hits).unwrap();
         }
         let fixed = 6 * recipe.bytes_per_cell();
@@ -100,7 +104,8 @@ fn blocks_of_other_recipes_and_other_regions_are_kept_apart() {
     // Regions: the cell, then the disc.
     let both = recipe("count,nearest,idw", false);
     let mut block = Block::new(&both, 1);
-    let hits = Hits { cells: &[0], points: &[Point::new(0, 0, 8)], squares: &[4], unit: 1.0 };
+    let hits =
+        Hits { cells: &[0], points: &[Point::new(0, 0, 8)], squares: &[4], unit: 1.0, reals: &[] };
     block.add(0, hits).unwrap();
     let values = |block: &Block| [0, 1, 2].map(|i| block.value(&both.bands()[i], 0, &UNITS));
     let [count, nearest, idw] = values(&block);
@@ -220,7 +225,10 @@ fn points_are_scattered_to_the_cells_around_them() {
             let points = points(n, whole, 90);
             let list = format!("idw:radius={0},power={power},nearest:radius={0}", world(radius));
             let recipe = recipe(&list, false);
-            assert_eq!(recipe.regions(), [Region::Disc(world(radius))]);
+            assert_eq!(
+                recipe.regions_of(0).collect::<Vec<_>>(),
+                [(0, Region::Disc(world(radius)))]
+            );
             let mut block = Block::new(&recipe, (stride * window.height) as usize);
             let mut scatter = Scatter::new(&lattice, world(radius));
             // A cell that no point can be nearer to than the radius, but may be as near, is either.
@@ -233,7 +241,7 @@ fn points_are_scattered_to_the_cells_around_them() {
                 .map(|p| (lattice.x.index(p.x) - west, 39 + south - lattice.y.index(p.y)))
                 .map(|(col, row)| (col as i32, row as i32))
                 .collect();
-            scatter.add((&lattice, window, stride), &points, &places, (&mut block, 0)).unwrap();
+            scatter.add((&lattice, window, stride), &points, &places, to(&mut block)).unwrap();
             for at in 0..stride * window.height {
                 let (col, row) = (at % stride, at / stride);
                 let [east, north] =
@@ -328,7 +336,7 @@ proptest! {
         let mut blocks = [(); 3].map(|()| Block::new(&recipe, 3));
         for &(cell, z, square, division) in &points {
             let points = &[Point::new(z % 5, 2, z)];
-            let hits = Hits { cells: &[cell], points, squares: &[square], unit: 0.5 };
+            let hits = Hits { cells: &[cell], points, squares: &[square], unit: 0.5, reals: &[] };
             blocks[division].add(0, hits).unwrap();
             blocks[2].add(0, hits).unwrap();
         }
@@ -365,8 +373,13 @@ fn bands_tell_what_they_are_made_of() {
 fn room_for_heights_is_held_until_it_is_given_back() {
     let median = recipe("median", false);
     let mut block = Block::new(&median, 1);
-    let hits =
-        Hits { cells: &[0; 100], points: &[Point::new(0, 0, 1); 100], squares: &[], unit: 1.0 };
+    let hits = Hits {
+        cells: &[0; 100],
+        points: &[Point::new(0, 0, 1); 100],
+        squares: &[],
+        unit: 1.0,
+        reals: &[],
+    };
     block.add(0, hits).unwrap();
     block.parts_mut(&[0]);
     assert!(block.held() >= 100 * median.bytes_per_point());
@@ -387,7 +400,7 @@ fn no_hit_is_lost_however_many_there_are() {
         let mut block = Block::new(&recipe, (width * height) as usize);
         let mut scatter = Scatter::new(&lattice, 2.0);
         let places = vec![(2, 5); points.len()];
-        scatter.add((&lattice, window, width), &points, &places, (&mut block, 0)).unwrap();
+        scatter.add((&lattice, window, width), &points, &places, to(&mut block)).unwrap();
         for at in 0..width * height {
             let (east, south) = (f64::from(at % width), f64::from(at / width));
             let expected = if east.hypot(south) < 2.0 { 5_000.0 } else { 0.0 };
@@ -402,7 +415,13 @@ fn the_lowest_of_the_points_at_a_centre_is_its_height() {
     let recipe = recipe("idw", false);
     let mut block = Block::new(&recipe, 2);
     let z = [90, -30, 50, 70, 80].map(|z| Point::new(0, 0, z));
-    let hits = Hits { cells: &[0, 0, 0, 1, 1], points: &z, squares: &[0, 0, 1, 1, 1], unit: 1e-3 };
+    let hits = Hits {
+        cells: &[0, 0, 0, 1, 1],
+        points: &z,
+        squares: &[0, 0, 1, 1, 1],
+        unit: 1e-3,
+        reals: &[],
+    };
     block.add(0, hits).unwrap();
     let values = [0, 1].map(|at| block.value(&recipe.bands()[0], at, &UNITS));
     assert_eq!(values, [-30.0 * UNITS.scale + UNITS.offset, 75.0 * UNITS.scale + UNITS.offset]);
@@ -419,7 +438,7 @@ fn a_cell_with_more_points_than_can_be_counted_is_an_error() {
     };
     let points = [Point::new(0, 0, 8); 2];
     for cells in [[0, 1], [1, 0]] {
-        let hits = Hits { cells: &cells, points: &points, squares: &[], unit: 1.0 };
+        let hits = Hits { cells: &cells, points: &points, squares: &[], unit: 1.0, reals: &[] };
         assert!(full(u32::MAX).add(0, hits).is_err(), "{cells:?}");
         assert!(full(u32::MAX - 1).add(0, hits).is_ok(), "{cells:?}");
     }

@@ -1,10 +1,11 @@
-//! What the points of a cloud are: counts by class and return, and where they really lie.
+//! What the points of a cloud are: counts by class and return, where they really lie, and how high.
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::heights::{Heights, Spread};
 use crate::input::workers;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
@@ -27,6 +28,11 @@ pub struct CloudStats {
     pub flags: BTreeMap<&'static str, u64>,
     /// Lowest and highest coordinates; absent without points.
     pub bounds: Option<[Point3; 2]>,
+    /// How their heights are spread; absent without points.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heights: Option<Heights>,
+    #[serde(skip)]
+    spread: Spread,
 }
 
 impl CloudStats {
@@ -40,6 +46,7 @@ impl CloudStats {
             }
         }
         self.bounds = joined(self.bounds, Some([record.world; 2]));
+        self.spread.add(record.world[2]);
     }
 
     fn and(mut self, other: Self) -> Self {
@@ -49,6 +56,7 @@ impl CloudStats {
         other.returns.into_iter().for_each(|(k, n)| *self.returns.entry(k).or_default() += n);
         other.flags.into_iter().for_each(|(k, n)| *self.flags.entry(k).or_default() += n);
         self.bounds = joined(self.bounds, other.bounds);
+        self.spread = self.spread.and(other.spread);
         self
     }
 }
@@ -82,5 +90,6 @@ pub fn cloud_stats(
         measured.try_reduce(CloudStats::default, |one, other| Ok(one.and(other)))
     });
     progress.end();
-    stats
+    let stats = stats?;
+    Ok(CloudStats { heights: stats.spread.told(), ..stats })
 }

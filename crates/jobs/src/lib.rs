@@ -3,6 +3,7 @@
 pub mod bands;
 mod beside;
 pub mod breaklines;
+pub mod cloud_picture;
 pub mod cloud_stats;
 pub mod cloud_tin;
 pub mod contour;
@@ -18,6 +19,7 @@ mod geoid;
 mod globe;
 pub mod grid;
 mod ground;
+pub mod heights;
 pub mod input;
 pub mod kept;
 pub mod line;

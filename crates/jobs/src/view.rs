@@ -222,7 +222,7 @@ const BAND: usize = 64;
 
 /// Writes a picture of `width` x `height` pixels, whose rows `fill` makes from their numbers: RGBA, any row on
 /// its own.
-fn write_png(
+pub(crate) fn write_png(
     file: &mut AtomicFile,
     [width, height]: [usize; 2],
     fill: impl Fn(usize, &mut [u8]) + Sync,

@@ -113,13 +113,37 @@ impl Axis {
         }
         let fine = power_above(range / f64::from(MOST_CODE));
         let code = |value: &f64| ((value - low) / fine).round().min(f64::from(MOST_CODE)) as u32;
-        let mut codes: Vec<u32> = values.iter().map(code).collect();
-        let divisor = codes.iter().fold(0, |d, code| gcd(*code, d)).max(1);
-        codes.iter_mut().for_each(|code| *code /= divisor);
-        let mut axis = Self { low, step: fine * f64::from(divisor), codes, rounding: 0.0 };
+        let mut axis = Self::shortened(low, fine, values.iter().map(code).collect());
         let off = |(value, code): (&f64, &u32)| (value - axis.at(*code)).abs();
         axis.rounding = values.iter().zip(&axis.codes).map(off).fold(0.0, f64::max);
         axis
+    }
+
+    /// Codes of whole steps that are `scale` long and counted from `offset`: exact where they span no more than
+    /// [`MOST_CODE`], else within half of the fewest steps together that do.
+    pub fn of_steps(steps: &[i32], scale: f64, offset: f64) -> Self {
+        let ends = steps.iter().fold(None, |ends: Option<[i32; 2]>, step| match ends {
+            Some([least, most]) => Some([least.min(*step), most.max(*step)]),
+            None => Some([*step; 2]),
+        });
+        let [least, most] = ends.unwrap_or_default();
+        let together = most.abs_diff(least).div_ceil(MOST_CODE).max(1);
+        let code = |step: &i32| {
+            (u64::from(step.abs_diff(least)) + u64::from(together / 2)) / u64::from(together)
+        };
+        let off =
+            |step: &i32| (code(step) * u64::from(together)).abs_diff(step.abs_diff(least).into());
+        let rounding = steps.iter().map(off).max().unwrap_or(0) as f64 * scale;
+        let (low, fine) = (f64::from(least) * scale + offset, scale * f64::from(together));
+        let axis = Self::shortened(low, fine, steps.iter().map(|step| code(step) as u32).collect());
+        Self { rounding, ..axis }
+    }
+
+    /// Codes of `fine` steps by their greatest common divisor.
+    fn shortened(low: f64, fine: f64, mut codes: Vec<u32>) -> Self {
+        let divisor = codes.iter().fold(0, |d, code| gcd(*code, d)).max(1);
+        codes.iter_mut().for_each(|code| *code /= divisor);
+        Self { low, step: fine * f64::from(divisor), codes, rounding: 0.0 }
     }
 
     /// The coordinate that a code stands for.
@@ -162,6 +186,18 @@ mod tests {
     }
 
     #[test]
+    fn steps_of_hundredths_are_the_codes() {
+        let axis = Axis::of_steps(&[700, 500, 500 + MOST_CODE as i32], 0.01, 6_000_000.0);
+        assert_eq!((axis.low, axis.step, axis.rounding), (6_000_005.0, 0.01, 0.0));
+        assert_eq!(axis.codes, [200, 0, MOST_CODE]);
+        let axis = Axis::of_steps(&[0, 1, 2 * MOST_CODE as i32], 1.0, 0.0);
+        assert_eq!((axis.step, axis.rounding, axis.codes), (2.0, 1.0, vec![0, 1, MOST_CODE]));
+        assert!(Axis::of_steps(&[], 1.0, 0.0).codes.is_empty());
+        let tens = Axis::of_steps(&[-30, 0, 70], 1.0, 0.0);
+        assert_eq!((tens.low, tens.step, tens.codes), (-30.0, 10.0, vec![0, 3, 10]));
+    }
+
+    #[test]
     fn what_repeats_is_short() {
         let packed = Packed::steps(&(0..1_000_000).collect::<Vec<u32>>());
         assert!(packed.text.len() < 10_000, "{}", packed.text.len());
@@ -178,6 +214,25 @@ mod tests {
             prop_assert_eq!(signed, values.clone());
             let floats: Vec<f32> = values.iter().map(|v| f32::from_bits(*v)).collect();
             prop_assert_eq!(Packed::floats(&floats).unpack().unwrap(), values);
+        }
+
+        #[test]
+        fn steps_are_exact_within_the_codes_and_else_within_half_of_those_together(
+            steps in prop::collection::vec(any::<i32>(), 1..300),
+            shift in 0u32..32,
+        ) {
+            let steps: Vec<i32> = steps.iter().map(|step| step >> shift).collect();
+            let axis = Axis::of_steps(&steps, 0.5, -3.0);
+            let span = steps.iter().max().unwrap().abs_diff(*steps.iter().min().unwrap());
+            prop_assert_eq!(axis.rounding == 0.0, span <= MOST_CODE || {
+                let together = span.div_ceil(MOST_CODE);
+                steps.iter().all(|step| step.abs_diff(*steps.iter().min().unwrap()) % together == 0)
+            });
+            prop_assert!(axis.rounding <= f64::from(span) / f64::from(MOST_CODE) * 0.5);
+            for (step, code) in steps.iter().zip(&axis.codes) {
+                prop_assert!(*code <= MOST_CODE);
+                prop_assert!((axis.at(*code) - (f64::from(*step) * 0.5 - 3.0)).abs() <= axis.rounding);
+            }
         }
 
         #[test]

@@ -17,6 +17,24 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const norm = (a) => along([0, 0, 0], a, 1 / (Math.hypot(...a) || 1));
 
+/** True when nothing in a box of codes can be seen: all its corners lie beyond one side of the view. */
+function unseen({ low, high }, m, { middle, scale }, exaggeration) {
+  const outside = [0, 0, 0, 0, 0];
+  for (let k = 0; k < 8; k++) {
+    const p = [0, 1, 2].map((axis) => {
+      const code = (k >> axis) & 1 ? high[axis] : low[axis];
+      return (code - middle[axis]) * scale[axis] * (axis === 2 ? exaggeration : 1);
+    });
+    const [x, y, , w] = [0, 1, 2, 3].map((r) => m[r] * p[0] + m[4 + r] * p[1] + m[8 + r] * p[2] + m[12 + r]);
+    outside[0] += x < -w;
+    outside[1] += x > w;
+    outside[2] += y < -w;
+    outside[3] += y > w;
+    outside[4] += w < 0;
+  }
+  return outside.includes(8);
+}
+
 /** Half of the angle between the top and the bottom of the view. */
 const HALF_VIEW = Math.tan((40 / 2) * (Math.PI / 180));
 

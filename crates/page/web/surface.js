@@ -60,16 +60,7 @@ function makeScale() {
     bins[Math.min(255, Math.max(0, Math.floor((mean - low) / size)))] += drawing.weights[t];
   }
   scene.bins = bins;
-  const isSea = low <= 0 && high > 0;
-  const land = (k) => !isSea || low + (k + 0.5) * size > 0;
-  const all = bins.reduce((sum, area, k) => sum + (land(k) ? area : 0), 0) || 1;
-  const firstLand = [...bins.keys()].find(land) ?? 0;
-  let below = 0;
-  scene.heights = Array.from(bins, (area, k) => {
-    if (!land(k)) return between(facts.palette.water, 1 - (low + (k + 0.5) * size) / Math.min(low, -0.5 * high));
-    below += area;
-    return between(facts.palette.land, 0.5 * (below / all) + 0.5 * ((k - firstLand) / (255 - firstLand || 1)));
-  });
+  scene.heights = heightRamp(bins, scene.bounds.z);
 }
 
 const mostError = () => facts.error_scale || 1;
@@ -103,23 +94,7 @@ function drawHistogram() {
   context.fillText(text, width - context.measureText(text).width, height - 2);
 }
 
-// ---- between the data's coordinates and the scene
-
-const toScene = ([x, y, z]) => [x, y, z].map(
-  (v, k) => (v - scene.middle[k]) * facts.ground[k] * (k === 2 ? shown.exaggeration : 1));
-
-const toData = (v) => v.map(
-  (m, k) => m / facts.ground[k] / (k === 2 ? shown.exaggeration : 1) + scene.middle[k]);
-
-/** Where a place in the data's coordinates is in the view, in pixels of the layout; null behind the eye. */
-function toView(place) {
-  const p = toScene(place);
-  const m = camera.matrix;
-  const [x, y, , w] = [0, 1, 2, 3].map((r) => m[r] * p[0] + m[4 + r] * p[1] + m[8 + r] * p[2] + m[12 + r]);
-  if (w <= 0) return null;
-  const view = $('view');
-  return [((x / w + 1) / 2) * view.clientWidth, ((1 - y / w) / 2) * view.clientHeight];
-}
+// ---- what is where
 
 /** The place of the surface under a pixel of the layout, or null. */
 function under(px, py) {
@@ -152,22 +127,6 @@ function tellPlace(found) {
 
 const tellError = (error) => (Number.isNaN(error) ? 'no sample in it' : num(error, facts.told_steps[1] / 10) + ' ' + facts.units[1]);
 
-/** The area within a line that is closed, in plan. */
-function areaOf(list) {
-  const twice = list.reduce((sum, a, i) => {
-    const b = list[(i + 1) % list.length];
-    return sum + ((a[0] - list[0][0]) * (b[1] - list[0][1]) - (b[0] - list[0][0]) * (a[1] - list[0][1]));
-  }, 0);
-  return area(Math.abs(twice / 2) * facts.ground[0] * facts.ground[1]);
-}
-
-const area = (value) => (value >= 1e6 ? num(value / 1e6, 0.01) + ' km²' : value >= 1e4 ? num(value / 1e4, 0.01) + ' ha' : num(value, 0.1) + ' m²');
-
-function apart(a, b) {
-  const d = [0, 1, 2].map((k) => (b[k] - a[k]) * facts.ground[k]);
-  return { level: Math.hypot(d[0], d[1]), space: Math.hypot(...d), up: b[2] - a[2], rise: d[2] };
-}
-
 /** What the tools ask of this page. */
 const terrain = {
   columns: 'x,y,height', level: 'in plan', apart, areaOf,
@@ -193,13 +152,6 @@ function setColour(colour) {
   dirty = true;
 }
 
-function setExaggeration(value) {
-  shown.exaggeration = Math.min(1000, Math.max(0.01, value));
-  $('exaggeration').value = Math.log2(shown.exaggeration);
-  $('exaggeration-told').textContent = num(shown.exaggeration, 0.1) + ' ×';
-  dirty = true;
-}
-
 function setControls() {
   for (const button of $('colours').children) {
     button.addEventListener('click', () => setColour(Number(button.dataset.colour)));
@@ -209,50 +161,17 @@ function setControls() {
     $(name).addEventListener('click', () => flip(name));
     press($(name), shown[name]);
   }
-  $('exaggeration').addEventListener('input', (event) => setExaggeration(2 ** event.target.value));
   $('light').addEventListener('input', (event) => setLight(Number(event.target.value)));
   setTools();
-  $('flight').addEventListener('click', () => setFlight(!flying));
-  $('top').addEventListener('click', () => { camera.top(); dirty = true; });
-  $('home').addEventListener('click', () => { camera.reset(); dirty = true; });
-  $('compass').addEventListener('click', () => { camera.yaw = 0; dirty = true; });
-  gestures($('view'), {
-    drag: (dx, dy, kind) => {
-      const height = $('view').clientHeight;
-      if (kind === 'pan') camera.pan(dx / height, dy / height);
-      else if (flying) camera.turn((-1.2 * dx) / height, (1.2 * dy) / height, true);
-      else camera.turn((3 * dx) / height, (-2 * dy) / height);
-      dirty = true;
-    },
-    zoom: (factor, px, py) => {
-      const found = under(px, py);
-      camera.zoom(factor, found && toScene([found.x, found.y, found.z]));
-      dirty = true;
-    },
-    twist: (angle) => { camera.turn(-angle, 0); dirty = true; },
-    hover: (px, py) => { if (tool === null) tellPlace(Number.isNaN(px) ? null : under(px, py)); },
-    click: clicked,
-  });
-  window.addEventListener('keydown', keyed);
+  setCamera();
   tellFigures();
 }
 
 const KEYS = {
   1: () => setColour(1), 2: () => setColour(2), 3: () => setColour(3), 4: () => setColour(0),
   e: () => flip('wire'), g: () => flip('facets'), b: () => flip('walls'),
-  f: () => setFlight(!flying), r: () => camera.reset(), t: () => camera.top(), n: () => { camera.yaw = 0; },
-  '+': () => setExaggeration(shown.exaggeration * 1.25), '=': () => setExaggeration(shown.exaggeration * 1.25),
-  '-': () => setExaggeration(shown.exaggeration / 1.25),
-  ...TOOL_KEYS,
+  ...CAMERA_KEYS, ...TOOL_KEYS,
 };
-
-function keyed(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input')) return;
-  const key = event.key.toLowerCase();
-  if (hold(key)) event.preventDefault();
-  KEYS[key]?.();
-  dirty = true;
-}
 
 function tellFigures() {
   const { bounds } = scene;
@@ -273,13 +192,7 @@ function tellFigures() {
 }
 
 function resize() {
-  const ratio = Math.min(window.devicePixelRatio || 1, 2);
-  const view = $('view');
-  view.width = Math.max(1, Math.round(view.clientWidth * ratio));
-  view.height = Math.max(1, Math.round(view.clientHeight * ratio));
-  camera.aspect = view.width / view.height;
-  // What is looked at is in the middle of what the panel leaves.
-  camera.shift = view.clientWidth > 720 ? 272 / view.clientWidth : 0;
+  fitView();
   setColour(shown.colour);
   setExaggeration(shown.exaggeration);
   setLight(shown.azimuth);
@@ -296,33 +209,13 @@ function how() {
     light: [Math.sin(azimuth) * level, Math.cos(azimuth) * level, Math.sin(altitude)] };
 }
 
-let before = 0;
-function frame(now) {
-  const seconds = Math.min(0.1, (now - before) / 1000);
-  before = now;
-  if (moveHeld(camera, seconds)) dirty = true;
-  if (dirty) {
-    dirty = false;
-    drawing.draw(camera, how());
-    drawOver();
-    drawCompass(camera);
-  }
-  requestAnimationFrame(frame);
-}
-
 /** For scripts: what is shown, the surface at a place and under a pixel, and the picture. */
 window.terrane = {
   facts, shown, names: NAMES, at: (x, y) => index.at(x, y), under, toView: (place) => toView(place),
   camera: () => camera, places: () => places, profile: () => profile,
   vertex: (i) => [scene.world.x[i], scene.world.y[i], scene.world.z[i]], corners: () => scene.corners,
   errors: () => floats,
-  picture: () => {
-    const { gl, canvas } = drawing;
-    drawing.draw(camera, how());
-    const bytes = new Uint8Array(4 * canvas.width * canvas.height);
-    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-    return { width: canvas.width, height: canvas.height, bytes };
-  },
+  picture: () => pictureOf(drawing, () => drawing.draw(camera, how())),
 };
 
 start().catch(fail);

@@ -228,24 +228,6 @@ class SurfaceDrawing {
     ramp(this.gl, this.palette, 2, colours);
   }
 
-  /** True when none of a run can be seen: all corners of its box lie beyond one side of the view. */
-  hidden(run, m, exaggeration) {
-    const outside = [0, 0, 0, 0, 0];
-    for (let k = 0; k < 8; k++) {
-      const p = [0, 1, 2].map((axis) => {
-        const code = (k >> axis) & 1 ? run.high[axis] : run.low[axis];
-        return (code - this.middle[axis]) * this.scale[axis] * (axis === 2 ? exaggeration : 1);
-      });
-      const [x, y, , w] = [0, 1, 2, 3].map((r) => m[r] * p[0] + m[4 + r] * p[1] + m[8 + r] * p[2] + m[12 + r]);
-      outside[0] += x < -w;
-      outside[1] += x > w;
-      outside[2] += y < -w;
-      outside[3] += y > w;
-      outside[4] += w < 0;
-    }
-    return outside.includes(8);
-  }
-
   /** Draws all. `how`: exaggeration, colour (0 to 3), range, most, wire, facets, light, walls. */
   draw(camera, how) {
     const { gl, canvas } = this;
@@ -272,7 +254,7 @@ class SurfaceDrawing {
     gl.uniform1i(at.facets, how.facets ? 1 : 0);
     this.drawn = 0;
     for (const run of this.runs) {
-      if (this.hidden(run, m, how.exaggeration)) continue;
+      if (unseen(run, m, this, how.exaggeration)) continue;
       gl.drawArrays(gl.TRIANGLES, 3 * run.first, 3 * run.count);
       this.drawn += run.count;
     }

@@ -1,4 +1,4 @@
-// Measuring and sections, which pages of surfaces and of tiles have in common. A place is three numbers: the two that
+// Measuring and sections, which pages of surfaces, of tiles and of clouds (measuring alone) have in common. A place is three numbers: the two that
 // tell where it is, and its height. What a page knows better is asked of its `terrain`:
 //   columns, level    names of the three numbers; what lengths without heights are called
 //   unit, step        of heights, and how finely they are told
@@ -10,6 +10,7 @@
 //   section(a, b)     { pieces, note }: pieces of the surface along a line as [[share, place], [share, place]], by share
 //   areaOf(places)    the area within a closed line as text, if it can be told
 
+const TOOLS = ['measure', 'section'].filter($);
 let tool = null;
 let places = [];
 let profile = null;
@@ -21,19 +22,20 @@ const TOOL_KEYS = {
 };
 
 function setTools() {
-  for (const name of ['measure', 'section']) $(name).addEventListener('click', () => choose(name));
+  for (const name of TOOLS) $(name).addEventListener('click', () => choose(name));
+  if (!$('sheet')) return;
   $('shut').addEventListener('click', () => choose(null));
   $('save').addEventListener('click', saveProfile);
   $('profile').addEventListener('pointermove', followProfile);
 }
 
 function choose(next) {
+  if (next !== null && !TOOLS.includes(next)) return;
   tool = tool === next ? null : next;
   places = [];
   profile = null;
-  $('sheet').hidden = true;
-  press($('measure'), tool === 'measure');
-  press($('section'), tool === 'section');
+  $('sheet')?.toggleAttribute('hidden', true);
+  for (const name of TOOLS) press($(name), tool === name);
   $('view').classList.toggle('pick', tool !== null);
   if (tool === 'measure') tellMeasure();
   else if (tool === 'section') tell([['Section', 'click its first end']]);

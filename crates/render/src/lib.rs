@@ -11,6 +11,7 @@
 //! Longitudes are shortened by the cosine of the latitude. [`write_text`] has letters for what stands under
 //! pictures.
 
+mod classes;
 mod colours;
 mod coverage;
 mod field;
@@ -21,6 +22,7 @@ mod text;
 mod tint;
 mod triangle;
 
+pub use classes::class_colour;
 pub use colours::Colours;
 pub use coverage::Coverage;
 pub use field::{Field, average_rows};

@@ -2,11 +2,14 @@
 
 use serde::Serialize;
 
+use super::picture;
 use crate::cli::shared::{points, text};
 use crate::cloud::{Cloud, PointSource, open};
 use crate::error::Result;
 use crate::geom::Point3;
+use crate::jobs::cloud_picture::PictureReport;
 use crate::jobs::cloud_stats::{CloudStats, cloud_stats};
+use crate::jobs::heights::Heights;
 use crate::jobs::{Cancel, Progress, Resources};
 
 /// What is known of a cloud.
@@ -32,23 +35,27 @@ pub(crate) struct Facts {
     details: serde_json::Map<String, serde_json::Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stats: Option<CloudStats>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    picture: Option<PictureReport>,
     notes: Vec<String>,
 }
 
-/// Opens a cloud and tells what it is; with `stats`, all its points are read, withheld ones too.
+/// Opens a cloud and tells what it is; with `stats`, all its points are read, withheld ones too; these are not drawn
+/// unless they are asked for.
 pub(crate) fn describe(
     (files, told): (&[String], &str),
     args: &points::Points,
-    stats: bool,
+    (stats, picture): (bool, &picture::Asked),
     resources: &Resources,
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<Facts> {
     let mut options = args.open_options(resources)?;
+    let drawn = picture.draw(files, &options, resources, (progress, cancel))?;
     options.filter.keep_withheld = true;
     let cloud = open(files, &options)?;
     let measure = || cloud_stats(&cloud, resources, progress, cancel);
     let stats = stats.then(measure).transpose()?;
-    Ok(Facts::new(told, &cloud, stats))
+    Ok(Facts { picture: drawn, ..Facts::new(told, &cloud, stats) })
 }
 
 impl Facts {
@@ -75,6 +82,7 @@ impl Facts {
             vertical_unit: info.crs.vertical_unit.clone(),
             details: cloud.details().into_iter().map(|(k, v)| (k, v.into())).collect(),
             stats,
+            picture: None,
             notes,
         }
     }
@@ -110,6 +118,9 @@ impl Facts {
         let value = |v: &serde_json::Value| v.as_str().unwrap_or_default().to_owned();
         rows.extend(self.details.iter().map(|(k, v)| (k.clone(), value(v))));
         rows.extend(self.stats.iter().flat_map(|stats| self.stats_rows(stats)));
+        let heights = self.stats.iter().filter_map(|stats| stats.heights.as_ref());
+        rows.extend(heights.flat_map(heights_rows));
+        rows.extend(self.picture.iter().flat_map(|drawn| picture::rows(drawn, unit)));
         rows.extend(self.notes.iter().map(|note| ("note".to_owned(), note.clone())));
         rows
     }
@@ -147,6 +158,29 @@ impl Facts {
         }));
         rows.into_iter().filter(|(_, v)| !v.is_empty()).map(|(k, v)| (k.to_owned(), v)).collect()
     }
+}
+
+/// Signs of the longest bar.
+const LONGEST: u64 = 40;
+
+/// The mean, percentiles, and a bar for each step.
+fn heights_rows(heights: &Heights) -> Vec<(String, String)> {
+    let percentiles = heights.percentiles.iter();
+    let told = percentiles.map(|(percent, z)| format!("{percent} %: {}", text::number(*z)));
+    let told = told.collect::<Vec<_>>().join(", ");
+    let mut rows = vec![
+        ("mean height".to_owned(), text::number(heights.mean)),
+        ("percentiles".to_owned(), format!("{told} (within {})", text::number(heights.within))),
+    ];
+    let most = heights.histogram.iter().map(|bar| bar.points).max().unwrap_or(1).max(1);
+    rows.extend(heights.histogram.iter().map(|bar| {
+        // What is there is seen.
+        let long = (bar.points as f64 / most as f64 * LONGEST as f64).ceil() as usize;
+        let name = format!("{} to {}", text::number(bar.low), text::number(bar.high));
+        let gap = if long > 0 { " " } else { "" };
+        (name, format!("{}{gap}{}", "#".repeat(long), text::count(bar.points)))
+    }));
+    rows
 }
 
 /// Where points lie beyond what the headers claim.

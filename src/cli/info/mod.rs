@@ -5,6 +5,7 @@ mod details;
 mod features;
 mod grid;
 mod mesh;
+mod picture;
 mod quality;
 
 use std::path::Path;
@@ -36,7 +37,8 @@ pub(crate) struct Args {
     #[arg(long)]
     mosaic: bool,
     /// Read all samples: share of valid ones, lowest, highest and mean height; of a cloud all points:
-    /// counts by class and return, bounds found (features are read to the end in any case)
+    /// counts by class and return, bounds found, a histogram of heights (features are read to the end in any
+    /// case)
     #[arg(long)]
     stats: bool,
     /// The object of TopoJSON files to tell about [default: their first]
@@ -44,6 +46,8 @@ pub(crate) struct Args {
     layer: Option<String>,
     #[command(flatten)]
     quality: quality::Asked,
+    #[command(flatten)]
+    picture: picture::Asked,
     #[command(flatten)]
     pub(crate) many: many::Many,
     #[command(flatten)]
@@ -77,6 +81,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = args.show.progress();
     let (mut is_any_told, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };
+    args.picture.check(&args.files, at_once)?;
     for files in args.files.chunks(at_once.max(1)) {
         let described = sift(files, args).and_then(|Sifted { names, skipped }| {
             Ok((describe(&names, args, progress.as_ref(), cancel)?, skipped))
@@ -169,9 +174,11 @@ fn describe(
     }
     if files.iter().any(|file| many::are_features(file)) {
         args.quality.refuse(files, "a file of features")?;
+        args.picture.refuse(files, "a file of features")?;
         return describe_features(files, args, progress, cancel);
     }
     args.refuse_layer(files)?;
+    args.picture.refuse(files, "none")?;
     let as_grid = match describe_surface(files, args, progress, cancel) {
         Err(error) if error.kind() == ErrorKind::BadInput => error,
         other => return other,
@@ -245,7 +252,8 @@ fn describe_cloud(
     files.iter().try_for_each(|file| args.grid.refuse(file, "a point cloud"))?;
     let (resources, told) = (args.machine.resources(), told(files));
     let at = (files, told.as_str());
-    let facts = cloud::describe(at, &args.cloud, args.stats, &resources, (progress, cancel))?;
+    let asked = (args.stats, &args.picture);
+    let facts = cloud::describe(at, &args.cloud, asked, &resources, (progress, cancel))?;
     Ok(Facts::Cloud(Box::new(facts)))
 }
 

@@ -1,6 +1,6 @@
 //! Lists that the help of a verb ends in, taken from the registries.
 
-use crate::{gridding, line, mesh, methods, raster, synth, vector};
+use crate::{attribute, gridding, line, mesh, methods, raster, synth, vector};
 
 /// The last list of verbs that can fail in every way.
 pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
@@ -44,8 +44,16 @@ pub(crate) fn statistics() -> String {
     let row = |(m, p): (&gridding::Method, &gridding::Parameter)| {
         (m.name, format!("{}=", p.key), p.about)
     };
-    let rows: Vec<_> = own.map(row).collect();
-    format!("{methods}\n\n{}", list("Parameters, as in idw:radius=2,power=1", &rows))
+    let of_points = gridding::OF_POINTS.map(|p| ("any", format!("{}=", p.key), p.about));
+    let rows: Vec<_> = own.map(row).chain(of_points).collect();
+    let parameters = list("Parameters, as in idw:radius=2,power=1", &rows);
+    format!("{methods}\n\n{parameters}\n\n{}", attributes())
+}
+
+fn attributes() -> String {
+    let row = |a: &attribute::Attribute| (a.name, a.aliases.join(" "), a.about);
+    let rows: Vec<_> = attribute::ATTRIBUTES.iter().map(row).collect();
+    list("Attributes of points, beside the names of extra bytes", &rows)
 }
 
 pub(crate) fn grounds() -> String {

@@ -123,15 +123,7 @@ pub(crate) fn parse_format(text: &str) -> std::result::Result<PointFormat, Strin
 
 /// A return by name or number.
 fn parse_return(text: &str) -> std::result::Result<Return, String> {
-    match text.trim() {
-        "first" => Ok(Return::First),
-        "last" => Ok(Return::Last),
-        "only" => Ok(Return::Only),
-        number => match number.parse() {
-            Ok(number @ 1..=15) => Ok(Return::Number(number)),
-            _ => Err("expected first, last, only, or a number from 1 to 15".to_owned()),
-        },
-    }
+    text.parse().map_err(|error: Error| error.to_string())
 }
 
 /// A mark by name.

@@ -1,4 +1,4 @@
-//! `terrane view`: a picture of a grid or a mesh, or a page to look at these and at lines in.
+//! `terrane view`: a picture of a grid or a mesh, or a page to look at these, at lines and at clouds in.
 
 mod page;
 mod serve;
@@ -7,8 +7,10 @@ use std::path::PathBuf;
 
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, points, report, text};
+use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::jobs::sift::Sifted;
 use crate::jobs::view::{self, ViewJob, ViewReport};
 use crate::jobs::{Cancel, Resources};
@@ -19,8 +21,9 @@ use crate::jobs::{Cancel, Resources};
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
-    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons; to be served also a
-    /// folder of terrain tiles (quantized-mesh or 3D Tiles of `terrane tiles`)
+    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons, or point clouds (LAS, LAZ,
+    /// COPC, or text after cloud:), of which several are one; to be served also a folder of terrain tiles
+    /// (quantized-mesh or 3D Tiles of `terrane tiles`)
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Picture to write, ending in .png
@@ -48,6 +51,14 @@ pub(super) struct Args {
     /// how its error falls; of a large grid every n-th sample, at most 129 along a side
     #[arg(long, conflicts_with_all = ["output", "against", "edges"])]
     insertion: bool,
+    /// Most points of a cloud that a page shows: of more, some that are chosen evenly [default: 2000000]
+    #[arg(
+        long,
+        value_name = "N",
+        conflicts_with = "output",
+        value_parser = clap::value_parser!(u64).range(1..=page::MOST_POINTS)
+    )]
+    points: Option<u64>,
     /// The object of a TopoJSON file that a page shows [default: the first one]
     #[arg(long, value_name = "NAME", conflicts_with = "output")]
     layer: Option<String>,
@@ -73,6 +84,8 @@ pub(super) struct Args {
     pub(super) many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
+    #[command(flatten)]
+    cloud: points::Points,
     #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
@@ -107,21 +120,14 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
             .remedy("pass --serve, or leave --port out"));
     }
     let is_page = args.html.is_some() || args.serve;
-    let are_others = serve::are_tiles(&args.input) || is_page && page::are_lines(&args.input);
-    let Sifted { names, skipped } = match are_others {
-        true => Sifted { names: args.input.clone(), skipped: Vec::new() },
-        false => {
-            let options = args.grid.open_options(&resources);
-            args.many.take(&args.input, many::Kind::Grids(&options), &resources)?
-        }
-    };
+    let (Sifted { names, skipped }, cloud) = inputs(args, is_page, &resources)?;
     let args = &Args { input: names, ..args.clone() };
     args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
     if args.serve {
-        return serve::run(args, page::show(args)?, &skipped, resources, cancel);
+        return serve::run(args, page::show(args, cloud)?, &skipped, resources, cancel);
     }
     if let Some(html) = &args.html {
-        let show = page::show(args)?;
+        let show = page::show(args, cloud)?;
         check::ending(html, &["html", "htm"], "a page")?;
         check::new_file(html, args.overwrite)?;
         let report = page::make(args, show, html, resources, cancel)?;
@@ -135,10 +141,34 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     Ok(Outcome::Kept)
 }
 
+/// The files that are taken; and how they are read, where they are clouds.
+fn inputs(
+    args: &Args,
+    is_page: bool,
+    resources: &Resources,
+) -> Result<(Sifted, Option<OpenOptions>)> {
+    if serve::are_tiles(&args.input) || is_page && page::are_lines(&args.input) {
+        return Ok((Sifted { names: args.input.clone(), skipped: Vec::new() }, None));
+    }
+    if !args.many.are_clouds(&args.input)? {
+        let options = args.grid.open_options(resources);
+        return Ok((args.many.take(&args.input, many::Kind::Grids(&options), resources)?, None));
+    }
+    if !is_page {
+        return Err(Error::usage("there is a page of a point cloud, but no shaded relief")
+            .in_file(&path_of(&args.input[0]))
+            .remedy("pass --html, or draw it from above with `terrane info --stats --picture`"));
+    }
+    let options = args.cloud.open_options(resources)?;
+    let files = args.many.take(&args.input, many::Kind::Clouds(&options), resources)?;
+    Ok((files, Some(options)))
+}
+
 fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewReport> {
     if serve::are_tiles(&args.input) {
         serve::check_tiles(args)?;
     }
+    page::refuse_cloud(args)?;
     args.grid.whole().check_all(&args.input)?;
     let output = args.output.clone().unwrap_or_default();
     check::ending(&output, &["png"], "a picture")?;

@@ -1,11 +1,13 @@
-//! `terrane view --html` and `--serve`: a page of a grid, a mesh, lines or tiles.
+//! `terrane view --html` and `--serve`: a page of a grid, a mesh, lines, a cloud or tiles.
 
 use std::path::Path;
 
 use super::{ALTITUDE, AZIMUTH, Args, serve};
-use crate::cli::shared::{many, report, text};
+use crate::cli::shared::{many, points, report, text};
+use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
-use crate::jobs::page::{self, PageJob, PageReport, Show};
+pub(super) use crate::jobs::page::MOST_POINTS;
+use crate::jobs::page::{self, PageJob, PageReport, Show, USUAL_POINTS};
 use crate::jobs::{Cancel, Resources};
 
 /// True when one of the inputs is of features, or of lines by name.
@@ -13,11 +15,17 @@ pub(super) fn are_lines(inputs: &[String]) -> bool {
     inputs.iter().any(|input| many::are_features(input) || many::are_made_lines(input))
 }
 
-/// What is shown of the inputs.
+/// What is shown of the inputs; `cloud` tells how these are read, where they are.
 ///
 /// # Errors
 /// An option that does nothing for it.
-pub(super) fn show(args: &Args) -> Result<Show> {
+pub(super) fn show(args: &Args, cloud: Option<OpenOptions>) -> Result<Show> {
+    if let Some(open) = cloud {
+        refuse_for_clouds(args)?;
+        let points = args.points.unwrap_or(USUAL_POINTS);
+        return Ok(Show::Cloud { open: Box::new(open), points });
+    }
+    refuse_cloud(args)?;
     if serve::are_tiles(&args.input) {
         serve::check_tiles(args)?;
         return Ok(Show::Tiles);
@@ -56,23 +64,57 @@ pub(super) fn make(
     page::run(&job, args.show.progress().as_ref(), cancel)
 }
 
-/// Fails when an option was given that does nothing for lines.
-fn refuse_for_lines(args: &Args) -> Result<()> {
-    let given = [
+/// The options about surfaces that do nothing for lines and clouds, and whether they were given.
+fn of_surfaces(args: &Args) -> [(&'static str, bool); 5] {
+    [
         ("--insertion", args.insertion),
         ("--against", args.against.is_some()),
         ("--edges", args.edges),
         ("--azimuth", args.azimuth.is_some()),
         ("--altitude", args.altitude.is_some()),
-        ("--exaggeration", args.exaggeration.is_some()),
-    ];
+    ]
+}
+
+/// Fails when an option was given that does nothing for lines.
+fn refuse_for_lines(args: &Args) -> Result<()> {
+    let exaggeration = ("--exaggeration", args.exaggeration.is_some());
+    let given: Vec<_> = of_surfaces(args).into_iter().chain([exaggeration]).collect();
     refuse("lines", args, &given)
 }
 
-/// Fails when one of these options was given, or one about grids.
+/// Fails when an option was given that does nothing for clouds.
+fn refuse_for_clouds(args: &Args) -> Result<()> {
+    if args.grid.bbox.is_some() {
+        return Err(Error::usage("--bbox is for grids and meshes, and this is a point cloud")
+            .remedy("pass --bounds in its place"));
+    }
+    let layer = ("--layer", args.layer.is_some());
+    let given: Vec<_> = of_surfaces(args).into_iter().chain([layer]).collect();
+    refuse_given("clouds", args.grid.given(), &given)
+}
+
+/// Fails when an option about clouds was given, as the input is none.
+pub(super) fn refuse_cloud(args: &Args) -> Result<()> {
+    if args.points.is_some() {
+        return Err(Error::usage("--points is for point clouds, and this is none")
+            .remedy("leave --points out"));
+    }
+    args.input.iter().try_for_each(|input| args.cloud.refuse(input))
+}
+
+/// Fails when one of these options was given, or one about grids or many files.
 pub(super) fn refuse(what: &str, args: &Args, given: &[(&'static str, bool)]) -> Result<()> {
+    refuse_given(what, args.grid.given().or(args.many.given()), given)
+}
+
+/// Fails when one of these options was given, or this `other`.
+fn refuse_given(
+    what: &str,
+    other: Option<&'static str>,
+    given: &[(&'static str, bool)],
+) -> Result<()> {
     let given = given.iter().filter(|(_, given)| *given).map(|(option, _)| *option);
-    match args.grid.given().into_iter().chain(args.many.given()).chain(given).next() {
+    match other.into_iter().chain(given).next() {
         Some(option) => Err(Error::usage(format!("{option} is not for a page of {what}"))
             .remedy(format!("leave {option} out"))),
         None => Ok(()),
@@ -97,6 +139,12 @@ pub(super) fn summary(r: &PageReport) -> String {
         let vertices =
             format!("{} vertices{}", text::count(vertices), triangles.unwrap_or_default());
         rows.push(("holds", vertices));
+    }
+    if let (Some(shown), Some(census)) = (r.points, &r.census) {
+        let of = if shown < census.kept { ", chosen evenly" } else { "" };
+        let shown = format!("{} of {} points{of}", text::count(shown), text::count(census.kept));
+        rows.push(("shows", shown));
+        rows.push(("points", points::census(census)));
     }
     if let (Some(tiles), Some(levels)) = (r.tiles, r.levels) {
         rows.push(("shows", format!("{} tiles of {levels} levels", text::count(tiles))));

@@ -100,9 +100,20 @@ impl Dimension {
             let offset = if options & HAS_OFFSET > 0 { number(OFFSET + 8 * i) } else { 0.0 };
             let name = if count == 1 { self.name() } else { format!("{}[{i}]", self.name()) };
             let scale = (options & (HAS_SCALE | HAS_OFFSET) > 0).then_some([scale, offset]);
-            Column { name, at: at + size * i, value, scale }
+            Column { name, at: at + size * i, value, scale, none: self.none(i, value) }
         };
         (0..count).map(column).collect()
+    }
+
+    /// The value that stands for none, of one of its values: a whole number of 8 bytes, or a double.
+    fn none(&self, i: usize, value: Value) -> Option<f64> {
+        let word = Bytes(&self.about).u64(NONE + 8 * i);
+        let number = match value {
+            Value::Float(_) => f64::from_bits(word),
+            Value::Signed(_) => word.cast_signed() as f64,
+            _ => word as f64,
+        };
+        (self.about[OPTIONS] & HAS_NONE > 0).then_some(number)
     }
 
     /// What stands in records of files without it.

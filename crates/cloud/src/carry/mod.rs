@@ -3,6 +3,7 @@
 
 mod extra;
 mod recast;
+mod seen;
 
 use std::collections::HashSet;
 
@@ -14,10 +15,11 @@ use crate::format::PointFormat;
 use crate::las::{LASZIP, LasFile, Vlr};
 use crate::member::{File, take_room};
 use crate::open::Cloud;
-use crate::write::{Carried, Lines, Packing, Vlr as Record, WriteOptions};
+use crate::write::{Carried, Column, Lines, Packing, Vlr as Record, WriteOptions, columns};
 use crate::{Census, CloudInfo, PointSource};
 use extra::Extra;
 pub(crate) use recast::Recast;
+pub use seen::{Seen, Sight};
 
 /// Who writes records that tell of reference systems; who writes those of octrees.
 const PROJECTION: &str = "LASF_Projection";
@@ -55,8 +57,8 @@ pub struct Carrier<'a> {
 const HEIGHTS: (&str, &str) = ("HeightAboveGround", "Height above ground");
 
 /// What is known of a file of the cloud.
-struct Origin<'a> {
-    name: &'a str,
+pub(crate) struct Origin<'a> {
+    pub(crate) name: &'a str,
     /// `None` for text.
     las: Option<&'a LasFile>,
     format: PointFormat,
@@ -164,7 +166,8 @@ impl<'a> Carrier<'a> {
 }
 
 impl Cloud {
-    fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
+    /// What is known of its files.
+    pub(crate) fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
         self.files().iter().zip(self.kinds()).map(|(name, file)| match file {
             File::Las(file) => Origin::of(name, file).map_err(|e| e.in_file(&file.path)),
             File::Text(_) => Ok(Origin {
@@ -187,6 +190,14 @@ impl<'a> Origin<'a> {
         };
         let extra = Extra::of(&described, file.header.extra_bytes().into())?;
         Ok(Self { name, las: Some(file), format, extra })
+    }
+
+    /// The columns of its records; none of text, which has no more than all points have.
+    pub(crate) fn columns(&self) -> Vec<Column> {
+        match self.las {
+            Some(_) => columns(self.format, &self.extra.columns(self.format.size())),
+            None => Vec::new(),
+        }
     }
 
     fn encoding(&self) -> u16 {
@@ -233,21 +244,30 @@ fn described(extra: &Extra) -> Option<Record> {
 
 /// The bits of the global encoding that hold for all files.
 fn encoding(origins: &[Origin<'_>], format: PointFormat) -> Result<u16> {
+    let time = time_of(origins)?;
+    let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
+    let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
+    Ok(time | all & (MADE_RETURNS | waves))
+}
+
+/// The bit of the global encoding that says how times are counted.
+///
+/// # Errors
+/// Files that do not count them alike.
+pub(crate) fn time_of(origins: &[Origin<'_>]) -> Result<u16> {
     let mut timed = origins.iter().filter(|origin| origin.has_time());
     let of_time = |origin: &Origin<'_>| origin.encoding() & STANDARD_TIME;
     let first = timed.next();
     let time = first.map_or(STANDARD_TIME, of_time);
-    if let (Some(first), Some(other)) = (first, timed.find(|origin| of_time(origin) != time)) {
-        return Err(Error::unsupported(format!(
+    match (first, timed.find(|origin| of_time(origin) != time)) {
+        (Some(first), Some(other)) => Err(Error::unsupported(format!(
             "its times are counted otherwise than those of {}: in seconds of the week, or of all GPS time",
             shown(first.name)
         ))
         .in_file(&path_of(other.name))
-        .remedy("write them on their own, or bring their times into one"));
+        .remedy("write them on their own, or bring their times into one")),
+        _ => Ok(time),
     }
-    let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
-    let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
-    Ok(time | all & (MADE_RETURNS | waves))
 }
 
 /// The records that are carried, and what is to be said of others.

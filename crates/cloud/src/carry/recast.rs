@@ -23,7 +23,7 @@ pub(crate) struct Recast {
     moves: Vec<Move>,
     /// What a record is before anything is moved there.
     blank: Vec<u8>,
-    /// Whether a record is as it was but for its place.
+    /// Whether a record is as it was but for its place, as far as it is wanted.
     is_same: bool,
 }
 
@@ -67,7 +67,8 @@ impl Recast {
     ) -> Result<(), String> {
         let at = out.len();
         if self.is_same {
-            out.extend_from_slice(record);
+            // Extra bytes that nobody asked for are behind it.
+            out.extend_from_slice(&record[..self.blank.len()]);
         } else {
             out.extend_from_slice(&self.blank);
             self.fill(record, &mut out[at..])?;

@@ -17,7 +17,7 @@ pub use octree::{Cube, Key};
 pub(crate) use record::ANGLES;
 pub use record::Record;
 pub use text::Lines;
-pub(crate) use text::{Column, Value};
+pub(crate) use text::{Column, TIME, Value, columns};
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;

@@ -43,7 +43,7 @@ pub(crate) const ANGLES: f32 = 0.006;
 
 impl PointFormat {
     /// Appends the records as they are stored, without waves.
-    pub(super) fn encode(self, records: &[Record], bytes: &mut Vec<u8>) {
+    pub(crate) fn encode(self, records: &[Record], bytes: &mut Vec<u8>) {
         bytes.reserve(records.len() * self.size());
         for record in records {
             let (first, common) = (bytes.len(), common(record));

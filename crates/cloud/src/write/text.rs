@@ -25,7 +25,12 @@ pub(crate) struct Column {
     pub(crate) at: usize,
     pub(crate) value: Value,
     pub(crate) scale: Option<[f64; 2]>,
+    /// What the value is, before all that, where there is none.
+    pub(crate) none: Option<f64>,
 }
+
+/// What the column of times is called.
+pub(crate) const TIME: &str = "gps_time";
 
 /// Columns behind the coordinates that formats before 6 have, and those from 6 on; those of both.
 const OLD: [(&str, usize, Value); 11] = [
@@ -57,6 +62,29 @@ const NEW: [(&str, usize, Value); 13] = [
     ("scan_angle", 18, Value::Angle),
 ];
 
+/// The columns of the records of a format behind the coordinates, those of extra bytes last.
+pub(crate) fn columns(format: PointFormat, extra: &[Column]) -> Vec<Column> {
+    let places = format.places();
+    let column = |(name, at, value): (&str, usize, Value)| Column {
+        name: name.into(),
+        at,
+        value,
+        scale: None,
+        none: None,
+    };
+    let (own, source): (&[_], _) = if format.is_new() { (&NEW, 20) } else { (&OLD, 18) };
+    let colours = ["red", "green", "blue"].into_iter().enumerate();
+    let colours = places.colour.into_iter().flat_map(|at| {
+        colours.clone().map(move |(i, name)| (name, at + 2 * i, Value::Unsigned(2)))
+    });
+    let more = [("point_source_id", source, Value::Unsigned(2))]
+        .into_iter()
+        .chain(places.time.map(|at| (TIME, at, Value::Float(8))))
+        .chain(colours)
+        .chain(places.infrared.map(|at| ("infrared", at, Value::Unsigned(2))));
+    own.iter().copied().chain(more).map(column).chain(extra.iter().cloned()).collect()
+}
+
 /// How records become lines.
 #[derive(Clone, Debug)]
 pub struct Lines {
@@ -69,25 +97,8 @@ pub struct Lines {
 impl Lines {
     /// For records of a format, with columns of extra bytes.
     pub(crate) fn new(format: PointFormat, frame: &Frame, extra: &[Column], size: usize) -> Self {
-        let places = format.places();
-        let column = |(name, at, value): (&str, usize, Value)| Column {
-            name: name.into(),
-            at,
-            value,
-            scale: None,
-        };
-        let (own, source): (&[_], _) = if format.is_new() { (&NEW, 20) } else { (&OLD, 18) };
-        let colours = ["red", "green", "blue"].into_iter().enumerate();
-        let colours = places.colour.into_iter().flat_map(|at| {
-            colours.clone().map(move |(i, name)| (name, at + 2 * i, Value::Unsigned(2)))
-        });
-        let more = [("point_source_id", source, Value::Unsigned(2))]
-            .into_iter()
-            .chain(places.time.map(|at| ("gps_time", at, Value::Float(8))))
-            .chain(colours)
-            .chain(places.infrared.map(|at| ("infrared", at, Value::Unsigned(2))));
-        let columns = own.iter().copied().chain(more).map(column).chain(extra.iter().cloned());
-        Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), columns: columns.collect(), size }
+        let columns = columns(format, extra);
+        Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), columns, size }
     }
 
     /// The first line.
@@ -120,33 +131,59 @@ impl Lines {
 impl Column {
     fn put(&self, record: &[u8], text: &mut String) {
         let bytes = &record[self.at..];
-        let word = |count: usize| {
-            let mut word = [0; 8];
-            word[..count].copy_from_slice(&bytes[..count]);
-            u64::from_le_bytes(word)
-        };
-        let signed = |count: usize| {
-            let unused = 64 - 8 * count as u32;
-            (word(count) << unused).cast_signed() >> unused
-        };
-        let number = match self.value {
-            Value::Bits(first, count) => {
-                return put(text, bytes[0] >> first & ((1 << count) - 1) as u8);
-            }
-            Value::Unsigned(count) if self.scale.is_none() => return put(text, word(count)),
-            Value::Signed(count) if self.scale.is_none() => return put(text, signed(count)),
-            Value::Unsigned(count) => word(count) as f64,
-            Value::Signed(count) => signed(count) as f64,
-            Value::Float(4) if self.scale.is_none() => {
-                return put(text, f32::from_bits(word(4) as u32));
-            }
-            Value::Float(4) => f32::from_bits(word(4) as u32).into(),
-            Value::Float(_) => f64::from_bits(word(8)),
-            Value::Angle => return put(text, f32::from(signed(2) as i16) * ANGLES),
-        };
-        let [scale, offset] = self.scale.unwrap_or([1.0, 0.0]);
-        put(text, number * scale + offset);
+        match self.value {
+            Value::Bits(first, count) => put(text, bits(bytes, first, count)),
+            Value::Unsigned(count) if self.scale.is_none() => put(text, word(bytes, count)),
+            Value::Signed(count) if self.scale.is_none() => put(text, signed(bytes, count)),
+            Value::Float(4) if self.scale.is_none() => put(text, single(bytes)),
+            Value::Angle => put(text, f32::from(signed(bytes, 2) as i16) * ANGLES),
+            _ => put(text, self.scaled(self.stored(bytes))),
+        }
     }
+
+    /// The value in a record, scaled; NaN where it stands for none.
+    #[inline]
+    pub(crate) fn number(&self, record: &[u8]) -> f64 {
+        let stored = self.stored(&record[self.at..]);
+        if self.none == Some(stored) { f64::NAN } else { self.scaled(stored) }
+    }
+
+    /// The value that `bytes` begin with.
+    fn stored(&self, bytes: &[u8]) -> f64 {
+        match self.value {
+            Value::Bits(first, count) => bits(bytes, first, count).into(),
+            Value::Unsigned(count) => word(bytes, count) as f64,
+            Value::Signed(count) => signed(bytes, count) as f64,
+            Value::Float(4) => single(bytes).into(),
+            Value::Float(_) => f64::from_bits(word(bytes, 8)),
+            // 0.006 degrees are no float; three 500ths are rounded once.
+            Value::Angle => f64::from(signed(bytes, 2) as i16) * 3.0 / 500.0,
+        }
+    }
+
+    fn scaled(&self, stored: f64) -> f64 {
+        let [scale, offset] = self.scale.unwrap_or([1.0, 0.0]);
+        stored * scale + offset
+    }
+}
+
+fn bits(bytes: &[u8], first: u32, count: u32) -> u8 {
+    bytes[0] >> first & ((1 << count) - 1) as u8
+}
+
+fn word(bytes: &[u8], count: usize) -> u64 {
+    let mut word = [0; 8];
+    word[..count].copy_from_slice(&bytes[..count]);
+    u64::from_le_bytes(word)
+}
+
+fn signed(bytes: &[u8], count: usize) -> i64 {
+    let unused = 64 - 8 * count as u32;
+    (word(bytes, count) << unused).cast_signed() >> unused
+}
+
+fn single(bytes: &[u8]) -> f32 {
+    f32::from_bits(word(bytes, 4) as u32)
 }
 
 fn put(text: &mut String, value: impl std::fmt::Display) {

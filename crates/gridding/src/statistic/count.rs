@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Method, Of};
+use super::{Method, Nature, Of, Takes};
 use crate::plane::{Keep, Primitive};
 use terrane_base::geom::Point;
 
@@ -37,8 +37,8 @@ pub(super) const COUNT: Method = Method {
     name: "count",
     aliases: &["n"],
     about: "number of points, 0 where there is none",
-    counts: true,
-    whole: true,
+    nature: Nature::Count,
+    takes: Takes::Conditions,
     of: Of::Points {
         needs: |_, rules| (rules.own(), vec![Count::KEPT]),
         value: |_, cell| f64::from(cell.kept::<Count>(0).0),
@@ -49,7 +49,8 @@ pub(super) const COUNT: Method = Method {
 pub(super) const DENSITY: Method = Method {
     name: "density",
     about: "points in a square unit of the CRS, 0 where there is none",
-    counts: true,
+    nature: Nature::Density,
+    takes: Takes::Conditions,
     of: Of::Points {
         needs: |_, rules| (rules.own(), vec![Count::KEPT]),
         value: |_, cell| f64::from(cell.kept::<Count>(0).0) / cell.units.area,

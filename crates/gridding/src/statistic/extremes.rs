@@ -64,8 +64,9 @@ pub(super) const MIN: Method = Method {
     about: "lowest height",
     of: Of::Points {
         needs: |_, rules| (rules.own(), vec![LOW]),
-        value: |_, cell| cell.height(low(cell, 0)),
+        value: |_, cell| cell.units.height(low(cell, 0)),
     },
+    reals: Some(|_, values, units| units.height(values.get(0))),
     ..Method::HEIGHT
 };
 
@@ -75,8 +76,9 @@ pub(super) const MAX: Method = Method {
     about: "highest height",
     of: Of::Points {
         needs: |_, rules| (rules.own(), vec![HIGH]),
-        value: |_, cell| cell.height(high(cell, 0)),
+        value: |_, cell| cell.units.height(high(cell, 0)),
     },
+    reals: Some(|_, values, units| units.height(values.last())),
     ..Method::HEIGHT
 };
 
@@ -86,8 +88,13 @@ pub(super) const RANGE: Method = Method {
     of: Of::Points {
         needs: |_, rules| (rules.own(), vec![LOW, HIGH]),
         value: |_, cell| {
-            cell.difference(high(cell, 1).zip(low(cell, 0)).map(|(high, low)| high - low))
+            let ends = high(cell, 1).zip(low(cell, 0));
+            cell.units.difference(ends.map(|(high, low)| high - low))
         },
     },
+    reals: Some(|_, values, units| {
+        let ends = values.last().zip(values.get(0));
+        units.difference(ends.map(|(high, low)| high - low))
+    }),
     ..Method::HEIGHT
 };

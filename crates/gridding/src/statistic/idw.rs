@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Method, Of, Parameter, RADIUS};
+use super::{Method, NUMBER, Of, Parameter, RADIUS};
 use crate::plane::{Cells, Hits, Keep, Plane, Primitive, like};
 use crate::recipe::Region;
 use terrane_base::error::{Error, Result};
@@ -19,8 +19,11 @@ pub fn check_power(power: f64) -> Result<()> {
     Err(Error::usage(format!("the power {power} of distances is not above 0 and at most 4")))
 }
 
-const POWER: Parameter =
-    Parameter { key: "power", about: "weights are distance^-power, 4 at most [--power]" };
+const POWER: Parameter = Parameter {
+    key: "power",
+    value: NUMBER,
+    about: "weights are distance^-power, 4 at most [--power]",
+};
 
 pub(super) const IDW: Method = Method {
     name: "idw",
@@ -40,7 +43,7 @@ pub(super) const IDW: Method = Method {
         value: |_, cell| {
             let hit = Some(cell.kept::<Hit>(1).0).filter(|z| *z != Hit::NONE.0).map(f64::from);
             let mean = || cell.plane::<Weights>(0)?.sums.0.get(cell.at)?.mean();
-            cell.height(hit.or_else(mean))
+            cell.units.height(hit.or_else(mean))
         },
     },
     ..Method::HEIGHT
@@ -210,7 +213,7 @@ mod tests {
         {
             let squares: Vec<u128> = (1..60).map(|i| i * i * i).collect();
             let (cells, points) = (vec![0; squares.len()], vec![Point::default(); squares.len()]);
-            let hits = Hits { cells: &cells, points: &points, squares: &squares, unit };
+            let hits = Hits { cells: &cells, points: &points, squares: &squares, unit, reals: &[] };
             let mut found = Vec::new();
             Falloff::new(radius, power).weigh(hits, |i, weight| found.push((i, weight)));
             assert_eq!(found.len(), squares.len());

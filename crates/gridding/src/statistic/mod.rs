@@ -4,16 +4,22 @@
 mod count;
 mod extremes;
 mod idw;
+mod mode;
 mod moments;
 mod nearest;
 mod percentile;
+mod shape;
+mod share;
+mod sorted;
 mod surface;
 
 use serde::{Deserialize, Serialize};
 
-use super::block::Cell;
+use super::block::{Cell, Units};
 use super::plane::Primitive;
 use super::recipe::{Region, Rules};
+use super::subject::{ATTRIBUTE, CONDITIONS, Subject};
+use sorted::{Real, Sorted, Values as All, Whole};
 use terrane_base::error::{Error, Result};
 use terrane_base::registry::{Named, named};
 
@@ -43,19 +49,24 @@ impl Statistic {
         self.method.name
     }
 
-    /// True for values in the unit of heights.
+    /// True for values in the unit of what it is of.
     pub fn is_height(&self) -> bool {
-        !self.method.counts
+        matches!(self.method.nature, Nature::Height | Nature::Nominal)
     }
 
-    /// True for whole numbers of points.
+    /// True for whole numbers of points or of values.
     pub fn is_whole(&self) -> bool {
-        self.method.whole
+        self.method.nature == Nature::Count
     }
 
     /// True when a cell without points has a value, which is 0.
     pub fn counts(&self) -> bool {
-        self.method.counts
+        matches!(self.method.nature, Nature::Count | Nature::Density)
+    }
+
+    /// True when the mean of two values is one, so that voids can be filled from around.
+    pub fn fills(&self) -> bool {
+        matches!(self.method.nature, Nature::Height | Nature::Ratio)
     }
 
     /// The value of a parameter that was given.
@@ -80,8 +91,8 @@ impl Statistic {
     /// What surface it is the height of, if it is made of all points and not of those of a cell.
     pub fn shape(&self) -> Option<Shape> {
         match self.method.of {
-            Of::Points { .. } => None,
             Of::All(shape) => Some(shape(self)),
+            _ => None,
         }
     }
 
@@ -91,22 +102,48 @@ impl Statistic {
         Self { method: &surface::TIN, values: [max_edge, None] }
     }
 
-    /// The points that it is of, and what has to be kept of them.
-    pub(super) fn needs(&self, rules: &Rules) -> (Region, Vec<Primitive>) {
+    /// The points that it is of, and what has to be kept of them where their values are `real`.
+    pub(super) fn needs(&self, rules: &Rules, real: bool) -> (Region, Vec<Primitive>) {
         match self.method.of {
-            Of::Points { needs, .. } => needs(self, rules),
+            Of::Points { needs, .. } if !real => needs(self, rules),
+            Of::Points { .. } | Of::Sorted(_) => {
+                (rules.own(), vec![if real { sorted::REAL } else { sorted::WHOLE }])
+            }
+            Of::Share { .. } => (rules.own(), vec![count::Count::KEPT]),
             Of::All(_) => (rules.own(), Vec::new()),
         }
     }
 
-    /// Its value in a cell; NaN where there is none.
-    pub(super) fn value(&self, cell: &Cell<'_>) -> f64 {
+    /// The points that those of `subject` are a share of, of whom as much has to be kept.
+    pub(super) fn base(&self, subject: &Subject) -> Option<Subject> {
         match self.method.of {
-            Of::Points { value, .. } => value(self, cell),
+            Of::Share { base, .. } => Some(base(subject)),
+            _ => None,
+        }
+    }
+
+    /// Its value in a cell of points with `real` values; NaN where there is none.
+    pub(super) fn value(&self, cell: &Cell<'_>, real: bool) -> f64 {
+        match self.method.of {
+            Of::Points { value, .. } if !real => value(self, cell),
+            Of::Points { .. } => {
+                self.method.reals.map_or(f64::NAN, |value| value(self, reals(cell), cell.units))
+            }
+            Of::Sorted(value) if real => value(self, reals(cell), cell.units),
+            Of::Sorted(value) => {
+                let values = cell.plane::<All<Whole>>(0).map_or(&[][..], |all| all.of(cell.at));
+                value(self, Sorted::Whole(values), cell.units)
+            }
+            Of::Share { value, .. } => value(cell),
             // Cells know nothing of the points around them.
             Of::All(_) => f64::NAN,
         }
     }
+}
+
+/// The values of a cell that are any numbers.
+fn reals<'a>(cell: &Cell<'a>) -> Sorted<'a> {
+    Sorted::Real(cell.plane::<All<Real>>(0).map_or(&[][..], |all| all.of(cell.at)))
 }
 
 /// A statistic as plans have it.
@@ -142,15 +179,47 @@ pub struct Method {
     pub about: &'static str,
     /// What may follow its name.
     pub parameters: &'static [Parameter],
-    /// It tells of points, and not of heights: a cell without any has the value 0.
-    counts: bool,
-    /// Its values are whole numbers.
-    whole: bool,
+    nature: Nature,
     /// It is a percentile, whose rank is in its name.
     ranks: bool,
+    /// What may say which points and values it is of.
+    takes: Takes,
+    /// The attribute it is of unless another is named; heights when `None`.
+    usual: Option<&'static str>,
+    /// What it is of where that was not said.
+    complete: fn(Subject) -> Subject,
     check: fn(&Given) -> Result<Values>,
     of: Of,
+    /// The same of all values in order, where they are any numbers.
+    reals: Option<OfSorted>,
 }
+
+/// What its values are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Nature {
+    /// Whole numbers of points or values, 0 where there is none.
+    Count,
+    /// Points for an area, 0 where there is none.
+    Density,
+    /// Heights, or differences of them; or values of another attribute.
+    Height,
+    /// Numbers without a unit.
+    Ratio,
+    /// Codes: what lies between two of them is none.
+    Nominal,
+}
+
+/// What may say which points and values a statistic is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Takes {
+    Nothing,
+    Conditions,
+    /// And the attribute.
+    Attributes,
+}
+
+/// A value that is made of all values of a cell, in world units.
+type OfSorted = fn(&Statistic, Sorted<'_>, &Units) -> f64;
 
 /// What a statistic is made of.
 #[derive(Clone, Copy, Debug)]
@@ -162,8 +231,25 @@ enum Of {
         /// The value that is made of it, in world units.
         value: fn(&Statistic, &Cell<'_>) -> f64,
     },
+    /// Of all values in order.
+    Sorted(OfSorted),
+    /// Of how many points there are, and how many of the base.
+    Share {
+        /// The points that they are a share of.
+        base: fn(&Subject) -> Subject,
+        /// The share.
+        value: fn(&Cell<'_>) -> f64,
+    },
     /// Of all points, as the height of this surface.
     All(fn(&Statistic) -> Shape),
+}
+
+impl Takes {
+    fn parameters(self) -> impl Iterator<Item = &'static Parameter> {
+        let attribute = Some(&ATTRIBUTE).filter(|_| self == Self::Attributes);
+        let conditions = CONDITIONS.iter().filter(move |_| self != Self::Nothing);
+        attribute.into_iter().chain(conditions)
+    }
 }
 
 impl Method {
@@ -173,25 +259,40 @@ impl Method {
         aliases: &[],
         about: "",
         parameters: &[],
-        counts: false,
-        whole: false,
+        nature: Nature::Height,
         ranks: false,
+        takes: Takes::Attributes,
+        usual: None,
+        complete: |subject| subject,
         check: |_| Ok([None; 2]),
         of: Of::Points { needs: |_, rules| (rules.own(), Vec::new()), value: |_, _| f64::NAN },
+        reals: None,
     };
+
+    /// Whether it can be of values that are any numbers.
+    fn is_of_reals(&self) -> bool {
+        self.reals.is_some() || matches!(self.of, Of::Sorted(_))
+    }
 }
 
-/// A parameter of a statistic, a number.
+/// A parameter of a statistic.
 #[derive(Debug)]
 pub struct Parameter {
     /// Its name.
     pub key: &'static str,
+    /// What its value is, in a word.
+    pub value: &'static str,
     /// One line for the documentation, with the default.
     pub about: &'static str,
 }
 
-const RADIUS: Parameter =
-    Parameter { key: "radius", about: "points nearer than this to the cell's centre [--radius]" };
+const NUMBER: &str = "NUMBER";
+
+const RADIUS: Parameter = Parameter {
+    key: "radius",
+    value: NUMBER,
+    about: "points nearer than this to the cell's centre [--radius]",
+};
 
 /// All statistics. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] = &[
@@ -206,6 +307,13 @@ pub const METHODS: &[Method] = &[
     nearest::NEAREST,
     percentile::MEDIAN,
     percentile::PERCENTILE,
+    shape::SKEWNESS,
+    shape::KURTOSIS,
+    shape::ENTROPY,
+    mode::MODE,
+    mode::VARIETY,
+    share::SHARE,
+    share::COVER,
     surface::TIN,
     surface::NATURAL,
 ];
@@ -239,6 +347,16 @@ pub struct Asked {
     pub statistic: Statistic,
     /// As asked for, by its own name: what its band is called.
     pub label: String,
+    /// What it is of.
+    #[serde(default, skip_serializing_if = "Subject::is_plain")]
+    pub subject: Subject,
+}
+
+impl Asked {
+    /// True for values in the unit of heights.
+    pub fn is_height(&self) -> bool {
+        self.statistic.is_height() && self.subject.attribute.is_none()
+    }
 }
 
 /// The statistics of a list such as "mean,p95,idw:radius=2,power=1".
@@ -287,34 +405,47 @@ fn parse(item: &str) -> Result<Asked> {
     let (name, parameters) = item.split_once(':').unwrap_or((item, ""));
     let rank = name.strip_prefix('p').and_then(|rank| rank.parse::<f64>().ok());
     let method = named(METHODS, rank.map_or(name, |_| percentile::PERCENTILE.name))?;
-    let given = Given { rank, values: values(method, parameters)? };
+    let (values, subject) = read(method, parameters)?;
+    let given = Given { rank, values };
     let statistic = Statistic { method, values: (method.check)(&given)? };
     let mut label = if rank.is_some() { name } else { method.name }.to_owned();
     if !parameters.is_empty() {
         label = format!("{label}:{parameters}");
     }
-    Ok(Asked { statistic, label })
+    let subject = (method.complete)(subject.or_of(method.usual));
+    match &subject.attribute {
+        Some(name) if subject.is_real() && !method.is_of_reals() => {
+            Err(Error::usage(format!("{} cannot be of {name}", method.name))
+                .remedy("times and extra bytes have a min, max, mean or percentile, for example"))
+        }
+        _ => Ok(Asked { statistic, label, subject }),
+    }
 }
 
-fn values(method: &Method, text: &str) -> Result<Vec<(String, f64)>> {
-    let mut values: Vec<(String, f64)> = Vec::new();
+/// The parameters of a statistic by name, and what it is of.
+fn read(method: &Method, text: &str) -> Result<(Vec<(String, f64)>, Subject)> {
+    let (mut values, mut subject) = (Vec::<(String, f64)>::new(), Subject::default());
     for pair in text.split(',').filter(|pair| !pair.is_empty()) {
         let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
-        let known = method.parameters.iter().any(|p| p.key == key);
-        let value = value.parse::<f64>().ok().filter(|value| value.is_finite());
-        match value {
-            Some(value) if known && values.iter().all(|(k, _)| k != key) => {
-                values.push((key.to_owned(), value));
-            }
-            _ => return Err(refusal(method, pair)),
+        let is_taken = if method.parameters.iter().any(|own| own.key == key) {
+            let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
+            let is_new = values.iter().all(|(known, _)| known != key);
+            values.extend(number.map(|number| (key.to_owned(), number)));
+            is_new && number.is_some()
+        } else {
+            method.takes.parameters().any(|own| own.key == key) && subject.take(key, value)
+        };
+        if !is_taken {
+            return Err(refusal(method, pair));
         }
     }
-    Ok(values)
+    Ok((values, subject))
 }
 
 fn refusal(method: &Method, pair: &str) -> Error {
     let error = Error::usage(format!("\"{pair}\" is no parameter of {}", method.name));
-    let keys: Vec<String> = method.parameters.iter().map(|p| format!("{}=NUMBER", p.key)).collect();
+    let all = method.parameters.iter().chain(method.takes.parameters());
+    let keys: Vec<String> = all.map(|p| format!("{}={}", p.key, p.value)).collect();
     match keys.is_empty() {
         true => error.remedy(format!("{} takes none", method.name)),
         false => error.remedy(format!("it takes {}", keys.join(", "))),
@@ -344,11 +475,48 @@ mod tests {
     }
 
     #[test]
+    fn what_a_statistic_is_of_is_read_with_its_parameters() {
+        let list = "max:attribute=Intensity,count:class=6,std:class=9+2,ddof=1,return=last,mean:min=2,max=5,\
+                    mode,mode:attribute=user,cover,cover:min=2,max=5,return=2,share:class=2,p95:attribute=Range Bias";
+        let asked = parse_list(list).unwrap();
+        let of: Vec<&Subject> = asked.iter().map(|asked| &asked.subject).collect();
+        let none = Subject::default();
+        let attribute = |name: &str| Subject { attribute: Some(name.to_owned()), ..none.clone() };
+        assert_eq!(*of[0], attribute("intensity"));
+        assert_eq!(*of[1], Subject { classes: Some(vec![6]), ..none.clone() });
+        let returns = Some(terrane_base::attribute::Return::Last);
+        assert_eq!(*of[2], Subject { classes: Some(vec![2, 9]), returns, ..none.clone() });
+        assert_eq!(asked[2].statistic.parameter("ddof"), Some(1.0));
+        assert_eq!((of[3].min, of[3].max, of[3].above), (Some(2.0), Some(5.0), None));
+        assert_eq!([of[4], of[5]], [&attribute("classification"), &attribute("user_data")]);
+        let first = Some(terrane_base::attribute::Return::First);
+        assert_eq!((of[6].above, of[6].returns), (Some(2.0), first));
+        let second = Some(terrane_base::attribute::Return::Number(2));
+        assert_eq!((of[7].above, of[7].min, of[7].returns), (None, Some(2.0), second));
+        assert_eq!(of[8].classes, Some(vec![2]));
+        assert!(of[9].is_real() && of[9].attribute.as_deref() == Some("range bias"));
+        assert_eq!(asked[1].label, "count:class=6");
+        let heights = ["mean", "max:attribute=intensity", "mode", "mode:attribute=z", "skewness"];
+        let heights = heights.map(|text| parse_list(text).unwrap()[0].is_height());
+        assert_eq!(heights, [true, false, false, true, false]);
+    }
+
+    #[test]
     fn what_is_not_known_is_told_with_what_is() {
         for wrong in [
             "",
-            "mode",
+            "modus",
             "mean:radius=2",
+            "tin:class=2",
+            "natural:attribute=intensity",
+            "count:attribute=intensity",
+            "idw:attribute=gps_time",
+            "nearest:attribute=amplitude",
+            "max:attribute=",
+            "count:class=2,class=6",
+            "count:class=two",
+            "cover:above=high",
+            "entropy:layer=0",
             "idw:power=0",
             "idw:power=9",
             "idw:radius=-1",
@@ -361,7 +529,7 @@ mod tests {
         ] {
             assert!(parse_list(wrong).is_err(), "{wrong}");
         }
-        let told = parse_list("mode").unwrap_err().to_string();
+        let told = parse_list("modus").unwrap_err().to_string();
         assert!(METHODS.iter().all(|m| told.contains(m.name)), "{told}");
         let told = parse_list("idw:r=1").unwrap_err().to_string();
         assert!(told.contains("radius=NUMBER, power=NUMBER"), "{told}");
@@ -369,12 +537,12 @@ mod tests {
 
     #[test]
     fn what_plans_hold_is_read_again() {
-        let all = "count,min,idw:radius=2,idw:power=0.1,p99.9,tin:max_edge=7,natural,std:ddof=1";
+        let all = "count,min,idw:radius=2,idw:power=0.1,p99.9,tin:max_edge=7,natural,std:ddof=1,entropy:layer=2";
         for asked in parse_list(all).unwrap() {
             let again = Statistic::try_from(Stored::from(asked.statistic)).unwrap();
             assert_eq!(again, asked.statistic, "{}", asked.label);
         }
-        assert!(Statistic::try_from(Stored { name: "mode".into(), values: [None; 2] }).is_err());
+        assert!(Statistic::try_from(Stored { name: "modus".into(), values: [None; 2] }).is_err());
     }
 
     #[test]

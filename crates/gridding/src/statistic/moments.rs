@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::count::Count;
-use super::{Given, Method, Of, Parameter, Values};
+use super::{Given, Method, NUMBER, Of, Parameter, Values};
 use crate::block::Cell;
 use crate::plane::{Keep, Primitive};
 use terrane_base::error::{Error, Result};
@@ -63,14 +63,16 @@ pub(super) const MEAN: Method = Method {
         value: |_, cell| {
             let count = cell.kept::<Count>(0).0;
             let mean = || cell.kept::<Sum>(1).0 as f64 / f64::from(count);
-            cell.height((count > 0).then(mean))
+            cell.units.height((count > 0).then(mean))
         },
     },
+    reals: Some(|_, values, units| units.height(values.mean())),
     ..Method::HEIGHT
 };
 
 const DDOF: Parameter = Parameter {
     key: "ddof",
+    value: NUMBER,
     about: "0 divides by n, as for a population; 1 by n - 1, as for a sample [0]",
 };
 
@@ -84,9 +86,14 @@ pub(super) const STD: Method = Method {
         needs: |_, rules| (rules.own(), vec![Count::KEPT, SUM, SQUARES]),
         value: |statistic, cell| {
             let ddof = statistic.parameter(DDOF.key).unwrap_or(0.0);
-            cell.difference(deviation(cell, ddof as u32))
+            cell.units.difference(deviation(cell, ddof as u32))
         },
     },
+    reals: Some(|statistic, values, units| {
+        let divisor = values.len() as f64 - statistic.parameter(DDOF.key).unwrap_or(0.0);
+        let spread = values.spread(2).filter(|_| divisor > 0.0);
+        units.difference(spread.map(|spread| (spread / divisor).sqrt()))
+    }),
     ..Method::HEIGHT
 };
 

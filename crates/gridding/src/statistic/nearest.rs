@@ -50,7 +50,7 @@ pub(super) const NEAREST: Method = Method {
         },
         value: |_, cell| {
             let z = cell.kept::<Near>(0).point.z;
-            cell.height(Some(z).filter(|z| *z != i32::MAX).map(f64::from))
+            cell.units.height(Some(z).filter(|z| *z != i32::MAX).map(f64::from))
         },
     },
     ..Method::HEIGHT

@@ -1,6 +1,6 @@
 //! Heights of surfaces through all points: no cell knows enough for one, and none is kept.
 
-use super::{Method, Of, Parameter};
+use super::{Method, NUMBER, Of, Parameter, Takes};
 
 /// How heights between points are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +16,7 @@ pub enum Shape {
 
 const MAX_EDGE: Parameter = Parameter {
     key: "max_edge",
+    value: NUMBER,
     about: "triangles with a longer edge are no surface [--max-edge]",
 };
 
@@ -24,6 +25,7 @@ pub(super) const TIN: Method = Method {
     aliases: &["linear"],
     about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
     parameters: &[MAX_EDGE],
+    takes: Takes::Nothing,
     check: |given| Ok([given.positive(MAX_EDGE.key)?, None]),
     of: Of::All(|statistic| Shape::Linear { max_edge: statistic.parameter(MAX_EDGE.key) }),
     ..Method::HEIGHT
@@ -33,6 +35,7 @@ pub(super) const NATURAL: Method = Method {
     name: "natural",
     aliases: &["sibson"],
     about: "height at the cell's centre from its natural neighbours among all points",
+    takes: Takes::Nothing,
     of: Of::All(|_| Shape::Natural),
     ..Method::HEIGHT
 };

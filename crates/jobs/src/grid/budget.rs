@@ -6,6 +6,7 @@
 //! | half of all, if there is a surface: points it goes through | [`Budget::points`] |
 //! | the table of blocks | 64 for each |
 //! | each thread: a batch of points and what decodes it, later a block of the output | [`WORKER`] or more |
+//! | each thread: the columns of attributes, if there are any, and what decodes them | [`COLUMNS`] |
 //! | the rest: blocks of cells, those beyond it spilled | [`Budget::blocks`] |
 
 use crate::Resources;
@@ -18,6 +19,7 @@ use super::extent::Extent;
 use super::neighbours;
 
 const WORKER: u64 = 12 << 20;
+const COLUMNS: u64 = 8 << 20;
 /// Least for blocks.
 const LEAST: u64 = 8 << 20;
 /// Bytes of a block's place in the table.
@@ -116,7 +118,8 @@ impl Budget {
 /// Bytes a thread needs.
 fn worker(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
     let around = if recipe.triangulates() { neighbours::WORKER } else { 0 };
-    WORKER.max(around + writing(format, sink, extent, recipe))
+    let columns = if recipe.attributes().is_empty() { 0 } else { COLUMNS };
+    columns + WORKER.max(around + writing(format, sink, extent, recipe))
 }
 
 fn cells(extent: &Extent) -> u64 {

@@ -17,7 +17,7 @@ use crate::points::{Limits, parts_in};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
-use terrane_cloud::PointSource;
+use terrane_cloud::{Columns, PointSource};
 use terrane_delaunay::Window;
 use terrane_gridding::{Band, Recipe, Units};
 use terrane_raster::write::GridSink;
@@ -57,6 +57,7 @@ impl<'a> Maker<'a> {
         let start = Instant::now();
         let Self { job, extent, progress, cancel, .. } = self;
         let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let columns = self.columns(&recipe)?;
         let info = extent.written(job);
         let format = job.format()?;
         let mut sink = format.create(&job.output, &info, &job.write_options())?;
@@ -64,7 +65,9 @@ impl<'a> Maker<'a> {
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
         let budget = Budget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
         let blocks = Blocks::new(&recipe, extent, &budget, job.spill_folder());
-        let feed = Feed { source: self.points, parts, extent, recipe: &recipe, blocks: &blocks };
+        let columns = columns.as_deref();
+        let feed =
+            Feed { source: self.points, columns, parts, extent, recipe: &recipe, blocks: &blocks };
         let (fed, heights) = self.gather(&feed, budget.threads, budget.points)?;
         let accumulated = GridStage::since("points", start);
         let begun = Instant::now();
@@ -96,6 +99,12 @@ impl<'a> Maker<'a> {
             },
             ..report(job, &info, extent)
         }))
+    }
+
+    /// What reads the cloud with the attributes that the statistics take, if they take any.
+    fn columns(&self, recipe: &Recipe) -> Result<Option<Box<dyn Columns + '_>>> {
+        let names = recipe.attributes();
+        (!names.is_empty()).then(|| self.points.columns(&names)).transpose()
     }
 
     /// The parts of the cloud that are read.

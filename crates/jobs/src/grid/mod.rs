@@ -5,6 +5,7 @@ mod blocks;
 mod budget;
 mod extent;
 mod feed;
+mod lane;
 mod level;
 mod make;
 mod neighbours;
@@ -160,7 +161,8 @@ impl GridJob {
     fn write_options(&self) -> WriteOptions {
         let bands = self.stats.iter().map(|asked| BandName {
             name: asked.label.clone(),
-            in_vertical_unit: asked.statistic.is_height(),
+            in_vertical_unit: asked.is_height(),
+            counts: asked.statistic.counts(),
         });
         let single = !self.format().is_ok_and(|format| format.several_bands);
         WriteOptions {
@@ -210,7 +212,7 @@ impl GridJob {
     fn check_idle(&self) -> Result<()> {
         let lack = |key| self.stats.iter().any(|asked| asked.statistic.lacks(key));
         let around = self.compat == Compat::Pdal || lack("radius");
-        let fills = self.stats.iter().any(|asked| asked.statistic.is_height());
+        let fills = self.stats.iter().any(|asked| asked.statistic.fills());
         let options = [
             ("--radius", self.radius.is_some() && !around, "for idw and nearest without one"),
             ("--power", self.power.is_some() && !lack("power"), "for idw without one"),
@@ -219,7 +221,7 @@ impl GridJob {
                 self.max_edge.is_some() && !lack("max_edge"),
                 "for tin without one, --dtm, --dsm and --chm",
             ),
-            ("--fill", self.fill > 0 && !fills, "for heights, not for counts"),
+            ("--fill", self.fill > 0 && !fills, "for heights, not for counts and classes"),
         ];
         match options.into_iter().find(|(_, idles, _)| *idles) {
             Some((option, _, why)) => {
@@ -234,6 +236,9 @@ impl GridJob {
     pub fn check(&self) -> Result<()> {
         let format = self.format()?;
         format.check(&self.creation)?;
+        if self.nodata != NODATA {
+            format.check_voids("--nodata")?;
+        }
         gridding::check_power(self.power.unwrap_or(1.0))?;
         if self.stats.is_empty() {
             return Err(Error::usage("no statistic is asked for").remedy("add --stat mean"));

@@ -66,7 +66,7 @@ impl Finished<'_> {
     /// The same with voids filled.
     fn filled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
         let reach = self.extent.fill;
-        if reach == 0 || band.counts() {
+        if reach == 0 || !band.statistic.fills() {
             return self.unfilled(band, rect, out);
         }
         // What is written has a margin of the reach all around.

@@ -1,12 +1,14 @@
-//! A page of a mesh, a grid or lines, to be looked at in a browser: one HTML file that holds what it shows; or of
+//! A page of a mesh, a grid, lines or a cloud, to be looked at in a browser: one HTML file that holds what it shows; or of
 //! tiles, which it asks a server of their folder for.
 //!
 //! What a page shows is held in memory, here and in the browser, so its size has limits: [`MOST_TRIANGLES`],
-//! [`MOST_VERTICES`] of lines. A grid is shown by every n-th of its samples ([`MOST_SAMPLES`]), which the page
-//! says.
+//! [`MOST_VERTICES`] of lines. A grid is shown by every n-th of its samples ([`MOST_SAMPLES`]), a cloud by some of its
+//! points ([`MOST_POINTS`]), which the page says.
 
+mod cloud;
 mod errors;
 mod facts;
+mod few;
 mod insertion;
 mod lattice;
 mod lines;
@@ -25,8 +27,10 @@ use crate::input::{self, Surface};
 use crate::memory::{beside_program, cache_beside};
 use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
+pub use cloud::{MOST_POINTS, USUAL_POINTS};
 pub use insertion::MOST_SIDE;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud::{Census, OpenOptions};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_page::Page;
 use terrane_raster::Inputs;
@@ -54,6 +58,13 @@ pub enum Show {
         /// The object of a TopoJSON file; its first one when `None`.
         layer: Option<String>,
     },
+    /// Points of a cloud.
+    Cloud {
+        /// How it is read, and which points.
+        open: Box<OpenOptions>,
+        /// How many of them are shown, at most [`MOST_POINTS`].
+        points: u64,
+    },
     /// Tiles of the globe's terrain, as a server of the folder sends them.
     Tiles,
 }
@@ -61,7 +72,7 @@ pub enum Show {
 /// A page to make.
 #[derive(Clone, Debug)]
 pub struct PageJob {
-    /// Grid files, a mesh or lines, or synthetic ones by name.
+    /// Grid files, a mesh, lines or clouds, or synthetic ones by name.
     pub input: Inputs,
     /// What is read of a grid.
     pub reading: Reading,
@@ -102,6 +113,11 @@ pub struct PageReport {
     pub parts: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub features: Option<u64>,
+    /// Points of a cloud that are shown, and what became of all of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub census: Option<Census>,
     /// Levels of tiles, and how many tiles there are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<u32>,
@@ -129,8 +145,8 @@ pub struct PageReport {
 /// Makes a page.
 ///
 /// # Errors
-/// Usage for an option that does not go with the input; a surface beyond [`MOST_TRIANGLES`]; too little memory;
-/// and what the readers find.
+/// Usage for an option that does not go with the input; a surface beyond [`MOST_TRIANGLES`]; a cloud without points;
+/// too little memory; and what the readers find.
 pub fn run(job: &PageJob, progress: &dyn Progress, cancel: &Cancel) -> Result<PageReport> {
     let started = Instant::now();
     refuse_existing(&job.output, job.overwrite)?;
@@ -138,6 +154,7 @@ pub fn run(job: &PageJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Pa
         Show::Surface { against } => surface(job, against.as_ref(), progress, cancel),
         Show::Insertion => insertion(job, cancel),
         Show::Lines { layer } => lines::page(layer.as_ref(), job, progress, cancel),
+        Show::Cloud { open, points } => cloud::page((open, *points), job, progress, cancel),
         Show::Tiles => tiles::page(job),
     };
     let (page, report) = made.map_err(|error| match error.kind() {

@@ -23,6 +23,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     options: &[],
     several_bands: false,
     holds_types: false,
+    names_voids: true,
     bytes_per_sample: 48,
     create: |order| Ok(Box::new(AscSink::new(order)?)),
 };

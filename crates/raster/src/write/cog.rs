@@ -57,6 +57,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     ],
     several_bands: true,
     holds_types: true,
+    names_voids: true,
     bytes_per_sample: 40,
     create: |order| Ok(Box::new(CogSink::new(order)?)),
 };

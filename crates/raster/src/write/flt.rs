@@ -22,6 +22,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     options: &[],
     several_bands: false,
     holds_types: false,
+    names_voids: true,
     bytes_per_sample: 16,
     create: |order| Ok(Box::new(FltSink::new(order)?)),
 };

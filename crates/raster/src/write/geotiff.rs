@@ -48,6 +48,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     ],
     several_bands: true,
     holds_types: true,
+    names_voids: true,
     bytes_per_sample: 40,
     create: |order| Ok(Box::new(GeoTiffSink::new(order)?)),
 };

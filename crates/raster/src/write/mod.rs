@@ -8,6 +8,7 @@ mod asc;
 mod cog;
 mod compress;
 mod creation;
+mod csv;
 mod directory;
 mod flt;
 mod geotiff;
@@ -36,8 +37,15 @@ use terrane_files::format::{self, Format};
 
 /// All formats that can be written. A new one is one file and one line here. Where several have an
 /// ending, the first is meant unless another is named.
-pub const FORMATS: &[GridFormat] =
-    &[store::FORMAT, cog::FORMAT, geotiff::FORMAT, asc::FORMAT, flt::FORMAT, png::FORMAT];
+pub const FORMATS: &[GridFormat] = &[
+    store::FORMAT,
+    cog::FORMAT,
+    geotiff::FORMAT,
+    asc::FORMAT,
+    flt::FORMAT,
+    png::FORMAT,
+    csv::FORMAT,
+];
 
 /// One format of grids: an entry of [`FORMATS`].
 #[derive(Debug)]
@@ -54,6 +62,8 @@ pub struct GridFormat {
     pub several_bands: bool,
     /// Whether samples are held as the type that is asked for; else as the format has them.
     pub holds_types: bool,
+    /// Whether voids may be written as a value that is asked for.
+    pub names_voids: bool,
     /// Bytes that a thread holds for each sample of a block, heights included, at most.
     pub bytes_per_sample: u64,
     /// Starts a file.
@@ -88,6 +98,8 @@ pub struct BandName {
     pub name: String,
     /// Whether its values are in the vertical unit of the grid.
     pub in_vertical_unit: bool,
+    /// Whether 0 stands for no value.
+    pub counts: bool,
 }
 
 impl WriteOptions {
@@ -170,8 +182,23 @@ impl GridFormat {
     ) -> Result<Box<dyn GridSink>> {
         let creation = Creation::new(self.name, self.options, &options.creation)?;
         self.check_bands(options)?;
+        if options.nodata.is_some() {
+            self.check_voids("--out-nodata")?;
+        }
         refuse_old_sidecars(path)?;
         (self.create)(&Order { path, info, options, creation }).map_err(|e| e.in_file(path))
+    }
+
+    /// Fails where the option that names a value for voids cannot act.
+    ///
+    /// # Errors
+    /// Usage: voids of the format have no value.
+    pub fn check_voids(&self, option: &str) -> Result<()> {
+        if self.names_voids {
+            return Ok(());
+        }
+        Err(Error::usage(format!("{option} cannot act: {} has no value for voids", self.name))
+            .remedy(format!("leave {option} out")))
     }
 
     fn check_bands(&self, options: &WriteOptions) -> Result<()> {

@@ -41,6 +41,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     ],
     several_bands: false,
     holds_types: false,
+    names_voids: true,
     bytes_per_sample: 24,
     create: |order| Ok(Box::new(PngSink::new(order)?)),
 };

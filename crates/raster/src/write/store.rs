@@ -19,6 +19,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     }],
     several_bands: false,
     holds_types: true,
+    names_voids: true,
     bytes_per_sample: 16,
     create: |order| Ok(Box::new(StoreSink::new(order)?)),
 };

@@ -270,7 +270,8 @@ def grid(
     cell
         The side of a cell, in units of the reference system.
     stat
-        Statistics: "mean", "count", "p95", "idw:radius=2", "tin" ... as `terrane grid --stat` has them.
+        Statistics: "mean", "count:class=6", "p95:above=2", "max:attribute=intensity", "tin" ... as `terrane grid --stat`
+        has them. Points in memory have classes and returns, and no other attributes.
     classes, returns, keep_withheld, z_range, every
         Only points of these classes; only "first", "last" or "only" returns, or those of a number; with those that are
         marked as withheld; within these heights; every so many.

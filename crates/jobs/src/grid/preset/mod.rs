@@ -24,7 +24,7 @@ pub(crate) use metres::Metres;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_cloud::{self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, Return};
-use terrane_gridding::{Asked, Statistic};
+use terrane_gridding::{Asked, Statistic, Subject};
 use terrane_ground as ground;
 
 /// A model of the terrain that is made of the points it takes, instead of a statistic.
@@ -47,7 +47,7 @@ impl Preset {
             Self::Chm => "chm",
         };
         let statistic = Statistic::linear(None);
-        Asked { statistic, label: label.to_owned() }
+        Asked { statistic, label: label.to_owned(), subject: Subject::default() }
     }
 }
 

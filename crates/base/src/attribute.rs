@@ -1,0 +1,138 @@
+//! What is known of the points of clouds beside their places: attributes by name, and returns.
+
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::registry::{Named, find};
+
+/// An attribute that points have by the standard of LAS.
+#[derive(Debug)]
+pub struct Attribute {
+    /// Its name, the same as that of its column where points are text.
+    pub name: &'static str,
+    /// Other names.
+    pub aliases: &'static [&'static str],
+    /// One line for the documentation, with the unit.
+    pub about: &'static str,
+    /// What its values are whole multiples of, 2^30 of it at the most; any number is a value when `None`.
+    pub step: Option<f64>,
+}
+
+/// The name of classes, and those of the number of a return and of the returns of a pulse.
+pub const CLASS: &str = "classification";
+#[allow(missing_docs)]
+pub const RETURN: &str = "return_number";
+#[allow(missing_docs)]
+pub const RETURNS: &str = "number_of_returns";
+
+/// All attributes of the standard that are numbers. Files may have others, in extra bytes.
+pub const ATTRIBUTES: &[Attribute] = &[
+    whole("intensity", &[], "strength of the return"),
+    whole(RETURN, &["return"], "which return of its pulse, from 1"),
+    whole(RETURNS, &["returns"], "returns of the pulse"),
+    whole(CLASS, &["class"], "class"),
+    // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
+    Attribute {
+        step: Some(0.002),
+        ..whole("scan_angle", &["angle"], "angle of the beam in degrees")
+    },
+    whole("user_data", &["user"], "whatever the user likes"),
+    whole("point_source_id", &["source"], "the file or flight line it came from"),
+    whole("red", &[], "colour"),
+    whole("green", &[], "colour"),
+    whole("blue", &[], "colour"),
+    whole("infrared", &["nir"], "near infrared"),
+    Attribute { step: None, ..whole("gps_time", &["time"], "seconds, as the file counts them") },
+];
+
+const fn whole(
+    name: &'static str,
+    aliases: &'static [&'static str],
+    about: &'static str,
+) -> Attribute {
+    Attribute { name, aliases, about, step: Some(1.0) }
+}
+
+impl Named for Attribute {
+    const KIND: &'static str = "attribute";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn aliases(&self) -> &'static [&'static str] {
+        self.aliases
+    }
+}
+
+/// The attribute of the standard with this name.
+pub fn known(name: &str) -> Option<&'static Attribute> {
+    find(ATTRIBUTES, name)
+}
+
+/// A return of a pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Return {
+    /// The first one.
+    First,
+    /// The last one, which may be the first one as well.
+    Last,
+    /// The first one of pulses that have no other.
+    Only,
+    /// The one of this number, from 1.
+    Number(u8),
+}
+
+impl Return {
+    /// Whether it is return `number` of `returns`.
+    pub fn is(self, number: u8, returns: u8) -> bool {
+        match self {
+            Self::First => number <= 1,
+            Self::Last => number >= returns,
+            Self::Only => number <= 1 && returns <= 1,
+            Self::Number(wanted) => number == wanted,
+        }
+    }
+}
+
+impl FromStr for Return {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text.trim() {
+            "first" => Ok(Self::First),
+            "last" => Ok(Self::Last),
+            "only" => Ok(Self::Only),
+            number => match number.parse() {
+                Ok(number @ 1..=15) => Ok(Self::Number(number)),
+                _ => Err(Error::usage("expected first, last, only, or a number from 1 to 15")),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn returns_are_read_by_name_and_number() {
+        assert_eq!("last".parse::<Return>().ok(), Some(Return::Last));
+        assert_eq!(" 3 ".parse::<Return>().ok(), Some(Return::Number(3)));
+        assert!(["0", "16", "second", ""].iter().all(|text| text.parse::<Return>().is_err()));
+    }
+
+    #[test]
+    fn attributes_have_names_of_their_own() {
+        let names = ATTRIBUTES.iter().flat_map(|a| a.aliases.iter().chain([&a.name]));
+        let mut all: Vec<_> = names.collect();
+        let count = all.len();
+        all.sort();
+        all.dedup();
+        assert_eq!(all.len(), count);
+        assert_eq!(known("CLASS").map(|attribute| attribute.name), Some(CLASS));
+        assert!(known("amplitude").is_none());
+    }
+}

@@ -1,0 +1,147 @@
+//! Attributes of points as columns of numbers, whatever the file that has them.
+
+use terrane_base::attribute::{CLASS, RETURN, RETURNS};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+use terrane_files::path_of;
+
+use super::member::take_room;
+use super::open::Cloud;
+use super::sieve::Raw;
+use super::write::{Column, TIME};
+use super::{Census, carry};
+
+/// Reads points together with some of their attributes.
+pub trait Columns: Send + Sync {
+    /// Reads a part and hands on its filtered points, at most [`BATCH`](super::BATCH) at a time, with a column for
+    /// each attribute; NaN where a point has no value.
+    ///
+    /// # Errors
+    /// As for [`PointSource::read`](super::PointSource::read).
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census>;
+}
+
+/// What takes points with their columns.
+pub type Each<'a> = dyn FnMut(&[Point], &[Vec<f64>]) -> Result<()> + 'a;
+
+/// Attributes that every source of points knows.
+const COMMON: [(&str, Reader); 3] =
+    [(CLASS, Reader::Class), (RETURN, Reader::Number), (RETURNS, Reader::Returns)];
+
+/// Where an attribute of a point is found.
+#[derive(Clone, Debug)]
+pub(crate) enum Reader {
+    Class,
+    Number,
+    Returns,
+    /// In the whole record.
+    Field(Column),
+}
+
+impl Reader {
+    /// Whether it takes whole records.
+    pub(crate) fn needs_record(&self) -> bool {
+        matches!(self, Self::Field(_))
+    }
+
+    #[inline(always)]
+    fn value<R: Raw>(&self, raw: R, record: &[u8]) -> f64 {
+        match self {
+            Self::Class => raw.class().into(),
+            Self::Number => raw.returns()[0].into(),
+            Self::Returns => raw.returns()[1].into(),
+            Self::Field(column) => column.number(record),
+        }
+    }
+}
+
+/// Readers of the attributes of these names, where records have these columns.
+///
+/// # Errors
+/// An attribute that is not among them; they are listed.
+pub(crate) fn readers(names: &[String], columns: &[Column]) -> Result<Vec<Reader>> {
+    let is_it = |name: &str, asked: &str| name.trim().eq_ignore_ascii_case(asked.trim());
+    let find = |asked: &String| {
+        let common = COMMON.iter().find(|(name, _)| is_it(name, asked));
+        let field = || columns.iter().find(|column| is_it(&column.name, asked)).cloned();
+        common.map(|(_, reader)| reader.clone()).or_else(|| field().map(Reader::Field))
+    };
+    let lacking = |asked: &String| {
+        let common = COMMON.iter().map(|(name, _)| *name);
+        let own = columns.iter().map(|column| column.name.as_str());
+        let own = own.filter(|name| COMMON.iter().all(|(common, _)| common != name));
+        let all: Vec<&str> = common.chain(own).collect();
+        Error::usage(format!("its points have no attribute \"{asked}\""))
+            .remedy(format!("they have {}", all.join(", ")))
+    };
+    names.iter().map(|asked| find(asked).ok_or_else(|| lacking(asked))).collect()
+}
+
+/// Points at hand, with their columns.
+pub(crate) struct Table<'a> {
+    readers: &'a [Reader],
+    points: Vec<Point>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl<'a> Table<'a> {
+    pub(crate) fn new(readers: &'a [Reader]) -> Self {
+        Self { readers, points: Vec::new(), columns: vec![Vec::new(); readers.len()] }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Takes a point in, of which this is the record, where its readers take one.
+    #[inline(always)]
+    pub(crate) fn push<R: Raw>(&mut self, point: Point, raw: R, record: &[u8]) {
+        self.points.push(point);
+        for (column, reader) in self.columns.iter_mut().zip(self.readers) {
+            column.push(reader.value(raw, record));
+        }
+    }
+
+    /// Hands the points on and forgets them.
+    pub(crate) fn flush(&mut self, each: &mut Each<'_>) -> Result<()> {
+        let done = if self.points.is_empty() { Ok(()) } else { each(&self.points, &self.columns) };
+        self.points.clear();
+        self.columns.iter_mut().for_each(Vec::clear);
+        done
+    }
+}
+
+/// Columns of the files of a cloud.
+struct OfCloud<'a> {
+    cloud: &'a Cloud,
+    /// By file.
+    readers: Vec<Vec<Reader>>,
+}
+
+impl Cloud {
+    /// Columns of these attributes.
+    ///
+    /// # Errors
+    /// A file that has not all of them; times that are not counted alike.
+    pub(super) fn tell(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+        let mut readers = Vec::new();
+        let origins = self.origins().collect::<Result<Vec<_>>>()?;
+        for origin in &origins {
+            let found = self::readers(names, &origin.columns());
+            readers.push(found.map_err(|e| e.in_file(&path_of(origin.name)))?);
+        }
+        let is_time =
+            |reader: &Reader| matches!(reader, Reader::Field(column) if column.name == TIME);
+        if readers.iter().flatten().any(is_time) {
+            carry::time_of(&origins)?;
+        }
+        Ok(Box::new(OfCloud { cloud: self, readers }))
+    }
+}
+
+impl Columns for OfCloud<'_> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
+        let (number, member, inner) = self.cloud.part(part)?;
+        take_room(|room| member.columns(inner, &self.readers[number], room, each))
+    }
+}

@@ -1,0 +1,67 @@
+//! How values are distributed: skewness, kurtosis and entropy.
+
+use super::sorted::Sorted;
+use super::{Method, NUMBER, Nature, Of, Parameter};
+use crate::block::Units;
+
+pub(super) const SKEWNESS: Method = Method {
+    name: "skewness",
+    aliases: &["skew"],
+    about: "third central moment by the third power of the standard deviation, as of a population",
+    nature: Nature::Ratio,
+    of: Of::Sorted(|_, values, _| moment(values, 3).unwrap_or(f64::NAN)),
+    ..Method::HEIGHT
+};
+
+pub(super) const KURTOSIS: Method = Method {
+    name: "kurtosis",
+    aliases: &["kurt"],
+    about: "fourth central moment by the fourth power of the standard deviation: 3 for a normal distribution",
+    nature: Nature::Ratio,
+    of: Of::Sorted(|_, values, _| moment(values, 4).unwrap_or(f64::NAN)),
+    ..Method::HEIGHT
+};
+
+/// The central moment of this power by that of the standard deviation; `None` where all values are one.
+fn moment(values: Sorted<'_>, power: i32) -> Option<f64> {
+    let n = values.len() as f64;
+    let variance = Some(values.spread(2)? / n).filter(|variance| *variance > 0.0)?;
+    let scale = if power == 3 { variance * variance.sqrt() } else { variance * variance };
+    Some(values.spread(power)? / n / scale)
+}
+
+const LAYER: Parameter =
+    Parameter { key: "layer", value: NUMBER, about: "height of a layer from 0 on [1]" };
+
+pub(super) const ENTROPY: Method = Method {
+    name: "entropy",
+    about: "Shannon entropy of the shares of points in layers from 0 to the highest point, by that of equal shares",
+    parameters: &[LAYER],
+    nature: Nature::Ratio,
+    check: |given| Ok([given.positive(LAYER.key)?, None]),
+    of: Of::Sorted(|statistic, values, units| {
+        let layer = statistic.parameter(LAYER.key).unwrap_or(1.0);
+        entropy(values, layer, units).unwrap_or(f64::NAN)
+    }),
+    ..Method::HEIGHT
+};
+
+/// Of the heights from 0 on, in layers of `layer`; `None` where the highest is below two layers.
+fn entropy(values: Sorted<'_>, layer: f64, units: &Units) -> Option<f64> {
+    let highest = units.height(values.last());
+    // Void is not above anything.
+    let layers = Some((highest / layer).ceil()).filter(|_| highest >= 2.0 * layer)?;
+    // The highest layer has its upper end, too.
+    let layer_of = |value: f64| (units.height(Some(value)) / layer).floor().min(layers - 1.0);
+    let lowest = values.behind(0, |value| units.height(Some(value)) < 0.0);
+    let (count, mut at, mut sum) = ((values.len() - lowest) as f64, lowest, 0.0);
+    while let Some(value) = values.get(at) {
+        let own = layer_of(value);
+        let end = values.behind(at, |other| layer_of(other) == own);
+        let share = (end - at) as f64 / count;
+        sum -= share * share.ln();
+        at = end;
+    }
+    // A single share is 0, not -0.
+    Some(sum.max(0.0) / layers.ln())
+}

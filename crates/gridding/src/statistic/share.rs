@@ -1,0 +1,39 @@
+//! Some points as a share of others.
+
+use super::count::Count;
+use super::{Method, Nature, Of, Takes};
+use crate::block::Cell;
+use crate::subject::Subject;
+use terrane_base::attribute::Return;
+
+pub(super) const SHARE: Method = Method {
+    name: "share",
+    about: "points of a class, return or layer of heights, as a share of all points, 0 to 1",
+    nature: Nature::Ratio,
+    takes: Takes::Conditions,
+    of: Of::Share { base: |_| Subject::default(), value: share },
+    ..Method::HEIGHT
+};
+
+/// Height that cover is above, unless another is given, in world units.
+const ABOVE: f64 = 2.0;
+
+pub(super) const COVER: Method = Method {
+    name: "cover",
+    about: "first returns above a height, or in a layer of heights, as a share of all first returns [above=2]",
+    nature: Nature::Ratio,
+    takes: Takes::Conditions,
+    complete: |subject| {
+        let above = subject.above.or((!subject.has_limits()).then_some(ABOVE));
+        let returns = subject.returns.or(Some(Return::First));
+        Subject { above, returns, ..subject }
+    },
+    of: Of::Share { base: Subject::of_any_height, value: share },
+    ..Method::HEIGHT
+};
+
+/// Of the points of the first plane in those of the second; void where there are none of these.
+fn share(cell: &Cell<'_>) -> f64 {
+    let [some, all] = [0, 1].map(|of| f64::from(cell.kept::<Count>(of).0));
+    some / all
+}

@@ -1,0 +1,336 @@
+//! What a statistic is of: heights or another attribute, of all points or of some of them.
+
+use serde::{Deserialize, Serialize};
+
+use super::statistic::Parameter;
+use terrane_base::attribute::{CLASS, RETURN, RETURNS, Return, known};
+use terrane_base::geom::{Frame, Point};
+
+/// What a statistic is of. Filters of the cloud come before it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Subject {
+    /// The name of the attribute it is of; of heights when `None`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attribute: Option<String>,
+    /// Only points of these classes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub classes: Option<Vec<u8>>,
+    /// Only points of this return of their pulse.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub returns: Option<Return>,
+    /// Only points that are not lower than this, in world units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+    /// Only points that are lower than this.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+    /// Only points that are higher than this.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub above: Option<f64>,
+}
+
+/// What says that a statistic is of something else than heights.
+pub(super) const ATTRIBUTE: Parameter =
+    Parameter { key: "attribute", value: "NAME", about: "of this attribute instead of heights" };
+
+/// What says that it is of some of the points.
+pub(super) const CONDITIONS: [Parameter; 5] = [
+    Parameter { key: "class", value: "CODES", about: "points of these classes only, such as 2+9" },
+    Parameter {
+        key: "return",
+        value: "WHICH",
+        about: "first, last, only, or a number: points of this return only",
+    },
+    Parameter { key: "min", value: "NUMBER", about: "points at this height or higher only" },
+    Parameter { key: "max", value: "NUMBER", about: "points below this height only" },
+    Parameter { key: "above", value: "NUMBER", about: "points above this height only" },
+];
+
+/// What all statistics of points take, beside parameters of their own.
+pub const OF_POINTS: [&Parameter; 6] =
+    [&ATTRIBUTE, &CONDITIONS[0], &CONDITIONS[1], &CONDITIONS[2], &CONDITIONS[3], &CONDITIONS[4]];
+
+/// Names for heights themselves.
+const HEIGHTS: [&str; 2] = ["z", "height"];
+
+impl Subject {
+    /// Takes a condition in, or the attribute; false where it is neither, or was given before.
+    pub(super) fn take(&mut self, key: &str, value: &str) -> bool {
+        let number = || value.parse::<f64>().ok().filter(|number| number.is_finite());
+        match key {
+            "attribute" => {
+                let name = Some(value.trim()).filter(|name| !name.is_empty());
+                let name = name.map(|name| known(name).map_or(name, |known| known.name).to_owned());
+                put(&mut self.attribute, name)
+            }
+            "class" => put(&mut self.classes, classes(value)),
+            "return" => put(&mut self.returns, value.parse().ok()),
+            "min" => put(&mut self.min, number()),
+            "max" => put(&mut self.max, number()),
+            "above" => put(&mut self.above, number()),
+            _ => false,
+        }
+    }
+
+    /// The same; where nothing else was given, of the `usual` attribute, if there is one.
+    pub(super) fn or_of(self, usual: Option<&str>) -> Self {
+        let asked = self.attribute.or(usual.map(str::to_owned));
+        let is_height = |name: &str| HEIGHTS.iter().any(|own| own.eq_ignore_ascii_case(name));
+        Self { attribute: asked.filter(|name| !is_height(name)), ..self }
+    }
+
+    /// True for the heights of all points.
+    pub fn is_plain(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Whether it is limited to some heights.
+    pub(super) fn has_limits(&self) -> bool {
+        self.min.or(self.max).or(self.above).is_some()
+    }
+
+    /// Points of any height that are as these otherwise.
+    pub(super) fn of_any_height(&self) -> Self {
+        Self { min: None, max: None, above: None, ..self.clone() }
+    }
+
+    /// What the whole numbers that stand for its values are multiplied by; `None` for those of heights.
+    pub(super) fn step(&self) -> Option<f64> {
+        let name = self.attribute.as_deref()?;
+        Some(known(name).and_then(|attribute| attribute.step).unwrap_or(1.0))
+    }
+
+    /// Whether its values are any numbers, not steps.
+    pub(super) fn is_real(&self) -> bool {
+        let step = |name: &str| known(name).and_then(|attribute| attribute.step);
+        self.attribute.as_deref().is_some_and(|name| step(name).is_none())
+    }
+
+    /// The attributes that it takes to know it.
+    pub(super) fn reads(&self) -> Vec<&str> {
+        let class = self.classes.as_ref().map(|_| CLASS);
+        let returns = self.returns.map(|_| [RETURN, RETURNS]).into_iter().flatten();
+        self.attribute.as_deref().into_iter().chain(class).chain(returns).collect()
+    }
+}
+
+/// Puts a value in its place; false where there is none, or was one before.
+fn put<T>(place: &mut Option<T>, value: Option<T>) -> bool {
+    let fits = place.is_none() && value.is_some();
+    *place = value;
+    fits
+}
+
+/// "2+9".
+fn classes(text: &str) -> Option<Vec<u8>> {
+    let mut classes: Vec<u8> =
+        text.split('+').map(|code| code.trim().parse().ok()).collect::<Option<_>>()?;
+    classes.sort_unstable();
+    classes.dedup();
+    Some(classes)
+}
+
+/// Finds the points of a subject among those of a cloud, and its values.
+#[derive(Clone, Debug)]
+pub struct Selector {
+    /// Lowest and highest height in steps.
+    heights: [i64; 2],
+    /// The column of classes, and which of them are wanted.
+    classes: Option<(usize, [bool; 256])>,
+    /// The columns of return numbers and of returns of the pulse, and which are wanted.
+    returns: Option<(usize, usize, Return)>,
+    values: Values,
+}
+
+/// What takes the place of heights.
+#[derive(Clone, Copy, Debug)]
+enum Values {
+    Heights,
+    /// Multiples of a step, in this column.
+    Whole(usize, f64),
+    Real(usize),
+}
+
+/// The points of a subject.
+#[derive(Clone, Debug, Default)]
+pub struct Selected {
+    /// With its values in place of heights; where these are any numbers, their places in `reals`.
+    pub points: Vec<Point>,
+    /// Its values, where they are any numbers.
+    pub reals: Vec<f64>,
+}
+
+impl Selector {
+    /// For points of `frame` with columns of these attributes, among which are those that the subject takes.
+    pub fn new(subject: &Subject, columns: &[String], frame: &Frame) -> Self {
+        let place =
+            |name: &str| columns.iter().position(|own| own == name).unwrap_or(columns.len());
+        let wanted = |classes: &Vec<u8>| {
+            let mut wanted = [false; 256];
+            classes.iter().for_each(|class| wanted[usize::from(*class)] = true);
+            (place(CLASS), wanted)
+        };
+        let values = match (subject.attribute.as_deref(), subject.step()) {
+            (Some(name), _) if subject.is_real() => Values::Real(place(name)),
+            (Some(name), Some(step)) => Values::Whole(place(name), step),
+            _ => Values::Heights,
+        };
+        Self {
+            heights: heights(subject, frame),
+            classes: subject.classes.as_ref().map(wanted),
+            returns: subject.returns.map(|wanted| (place(RETURN), place(RETURNS), wanted)),
+            values,
+        }
+    }
+
+    /// Puts its points into `out`, in place of what was there. A value that is not finite is none.
+    pub fn select(&self, points: &[Point], columns: &[Vec<f64>], out: &mut Selected) {
+        out.points.clear();
+        out.reals.clear();
+        let number = |column: usize, at: usize| {
+            columns.get(column).and_then(|column| column.get(at)).copied().unwrap_or(f64::NAN)
+        };
+        for (at, point) in points.iter().enumerate() {
+            if !self.wants(point, |column| number(column, at)) {
+                continue;
+            }
+            match self.values {
+                Values::Heights => out.points.push(*point),
+                Values::Whole(column, step) => {
+                    let z = (number(column, at) / step).round() as i32;
+                    out.points.push(Point { z, ..*point });
+                }
+                Values::Real(column) => {
+                    let value = number(column, at);
+                    if value.is_finite() {
+                        out.points.push(Point { z: out.reals.len() as i32, ..*point });
+                        out.reals.push(value);
+                    }
+                }
+            }
+        }
+    }
+
+    fn wants(&self, point: &Point, number: impl Fn(usize) -> f64) -> bool {
+        let [low, high] = self.heights;
+        let byte = |column: usize| number(column) as u8;
+        (low..=high).contains(&i64::from(point.z))
+            && self.classes.as_ref().is_none_or(|(at, wanted)| wanted[usize::from(byte(*at))])
+            && self.returns.is_none_or(|(at, of, wanted)| wanted.is(byte(at), byte(of)))
+    }
+}
+
+/// Lowest and highest height in steps.
+fn heights(subject: &Subject, frame: &Frame) -> [i64; 2] {
+    let ruler = frame.ruler(2);
+    let from = subject.min.map_or(i64::MIN, |min| ruler.first(min));
+    let above = subject.above.map_or(i64::MIN, |above| ruler.last(above).saturating_add(1));
+    let to = subject.max.map_or(i64::MAX, |max| ruler.first(max).saturating_sub(1));
+    [from.max(above), to]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FRAME: Frame = Frame { scale: [0.1; 3], offset: [0.0; 3] };
+
+    fn subject(text: &str) -> Subject {
+        let mut subject = Subject::default();
+        for pair in text.split(',').filter(|pair| !pair.is_empty()) {
+            let (key, value) = pair.split_once('=').unwrap();
+            assert!(subject.take(key, value), "{pair}");
+        }
+        subject.or_of(None)
+    }
+
+    proptest! {
+        /// Each point on its own, by the words of the manual.
+        #[test]
+        fn points_are_those_that_the_conditions_are_of(
+            all in prop::collection::vec((0_i32..9, 0_u8..4, 1_u8..4, 1_u8..4, 0_u16..5), 0..40),
+            min in prop::option::of(0_i32..9), max in prop::option::of(0_i32..9), above in prop::option::of(0_i32..9),
+            class: bool, returns in prop::option::of(prop_oneof![Just(Return::First), Just(Return::Last), Just(Return::Number(2))]),
+        ) {
+            // Heights are tenths, and limits are written as such.
+            let tenth = |steps: i32| format!("{}.{}", steps / 10, steps % 10).parse::<f64>().unwrap();
+            let subject = Subject {
+                attribute: Some("intensity".to_owned()),
+                classes: class.then(|| vec![1, 3]),
+                returns,
+                min: min.map(tenth), max: max.map(tenth), above: above.map(tenth),
+            };
+            let names = subject.reads().into_iter().map(str::to_owned).collect::<Vec<_>>();
+            let column = |name: &String| all.iter().map(|(_, class, number, of, intensity)| match name.as_str() {
+                "intensity" => f64::from(*intensity),
+                CLASS => f64::from(*class),
+                RETURN => f64::from(*number),
+                _ => f64::from(*of),
+            }).collect::<Vec<_>>();
+            let columns: Vec<_> = names.iter().map(column).collect();
+            let points: Vec<_> = (0..).zip(&all).map(|(x, (z, ..))| Point::new(x, 0, *z)).collect();
+            let mut out = Selected::default();
+            Selector::new(&subject, &names, &FRAME).select(&points, &columns, &mut out);
+            let expected = all.iter().enumerate().filter(|(_, (z, class_of, number, of, _))| {
+                min.is_none_or(|min| *z >= min) && max.is_none_or(|max| *z < max)
+                    && above.is_none_or(|above| *z > above)
+                    && (!class || *class_of == 1 || *class_of == 3)
+                    && match returns {
+                        Some(Return::First) => *number == 1,
+                        Some(Return::Last) => number >= of,
+                        Some(_) => *number == 2,
+                        None => true,
+                    }
+            });
+            let expected: Vec<_> = expected
+                .map(|(x, (.., intensity))| Point::new(x as i32, 0, i32::from(*intensity)))
+                .collect();
+            prop_assert_eq!(out.points, expected);
+            prop_assert!(out.reals.is_empty());
+        }
+    }
+
+    #[test]
+    fn any_numbers_are_named_by_their_places_and_none_is_left_out() {
+        let time = subject("attribute=time");
+        assert!(time.is_real() && time.step() == Some(1.0));
+        let names = ["gps_time".to_owned()];
+        let columns = [vec![3.5, f64::NAN, -1.25, f64::INFINITY]];
+        let mut out = Selected::default();
+        let points = [Point::new(1, 2, 3); 4];
+        Selector::new(&time, &names, &FRAME).select(&points, &columns, &mut out);
+        assert_eq!(out.reals, [3.5, -1.25]);
+        assert_eq!(out.points, [Point::new(1, 2, 0), Point::new(1, 2, 1)]);
+        let angle = subject("attribute=angle");
+        assert!(!angle.is_real() && angle.step() == Some(0.002));
+        let columns = [vec![15.0, -0.006, 0.012, -180.0]];
+        let selector = Selector::new(&angle, &["scan_angle".to_owned()], &FRAME);
+        selector.select(&points, &columns, &mut out);
+        assert_eq!(out.points.iter().map(|p| p.z).collect::<Vec<_>>(), [7500, -3, 6, -90_000]);
+    }
+
+    #[test]
+    fn what_is_no_condition_is_not_taken() {
+        for (key, value) in [
+            ("class", "256"),
+            ("class", "2+"),
+            ("class", ""),
+            ("return", "second"),
+            ("min", "nan"),
+            ("above", "high"),
+            ("attribute", " "),
+            ("ddof", "1"),
+        ] {
+            assert!(!Subject::default().take(key, value), "{key}={value}");
+        }
+        let mut twice = Subject::default();
+        assert!(twice.take("class", "2+9+2") && !twice.take("class", "2"));
+        assert_eq!(subject("class=9+2+9").classes, Some(vec![2, 9]));
+        assert!(subject("attribute=Z").is_plain());
+        assert_eq!(Subject::default().or_of(Some(CLASS)).attribute.as_deref(), Some(CLASS));
+        let mut heights = Subject::default();
+        assert!(heights.take("attribute", "height") && heights.or_of(Some(CLASS)).is_plain());
+    }
+}

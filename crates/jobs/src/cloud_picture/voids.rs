@@ -1,0 +1,210 @@
+//! Cells without points within the convex hull of those that have some, and the largest group of them.
+
+use serde::Serialize;
+
+use super::Map;
+
+/// How much is void.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Voids {
+    /// Cells without points.
+    pub cells: u64,
+    /// How much of the hull they are, from 0 to 1.
+    pub share: f64,
+    /// In square units of x and y.
+    pub area: f64,
+    /// Of the largest group of them that touch with their sides.
+    pub largest_area: f64,
+    /// West, south, east, north of that group.
+    pub largest_bounds: Option<[f64; 4]>,
+}
+
+/// The voids, and which cells they are.
+pub(super) struct Found {
+    pub(super) voids: Voids,
+    /// Of each row, the first and the last column of the hull; rows without it have none.
+    hull: Vec<Option<[usize; 2]>>,
+}
+
+impl Found {
+    /// Whether a place (column, row) is within the hull.
+    pub(super) fn is_inside(&self, [col, row]: [usize; 2]) -> bool {
+        self.hull[row].is_some_and(|[first, last]| first <= col && col <= last)
+    }
+}
+
+pub(super) fn find(map: &Map) -> Found {
+    let hull = hull(map);
+    let [columns, _] = map.cells.size;
+    let mut open = vec![false; map.counts.len()];
+    let (mut cells, mut all) = (0, 0);
+    for (row, ends) in hull.iter().enumerate() {
+        let Some([first, last]) = *ends else { continue };
+        all += (last - first + 1) as u64;
+        let within = row * columns + first..=row * columns + last;
+        for (open, count) in open[within.clone()].iter_mut().zip(&map.counts[within]) {
+            *open = *count == 0;
+            cells += u64::from(*open);
+        }
+    }
+    let (largest, ends) = largest(open, map.cells.size);
+    let area = map.cells.area();
+    let voids = Voids {
+        cells,
+        share: cells as f64 / all.max(1) as f64,
+        area: cells as f64 * area,
+        largest_area: largest as f64 * area,
+        largest_bounds: (largest > 0).then(|| map.cells.bounds(ends[0], ends[1])),
+    };
+    Found { voids, hull }
+}
+
+/// The convex hull of the middles of all cells that have points, row by row.
+fn hull(map: &Map) -> Vec<Option<[usize; 2]>> {
+    let [columns, _] = map.cells.size;
+    let ends = |row: &[u64]| {
+        let first = row.iter().position(|n| *n > 0)?;
+        Some([first, row.iter().rposition(|n| *n > 0)?].map(|col| col as i64))
+    };
+    let ends: Vec<Option<[i64; 2]>> = map.counts.chunks(columns).map(ends).collect();
+    let side = |of: fn([i64; 2]) -> i64| below(&ends.iter().map(|e| e.map(of)).collect::<Vec<_>>());
+    let (west, east) = (side(|[first, _]| first), side(|[_, last]| -last));
+    let both = |(first, last): (&Option<i64>, &Option<i64>)| {
+        let [first, last] = [(*first)?, -(*last)?];
+        (first <= last).then_some([first as usize, last as usize])
+    };
+    west.iter().zip(&east).map(both).collect()
+}
+
+/// The least whole numbers that are not below the largest convex function that is nowhere above the values: of each
+/// place from the first value to the last.
+fn below(values: &[Option<i64>]) -> Vec<Option<i64>> {
+    let mut chain: Vec<[i64; 2]> = Vec::new();
+    for (at, value) in (0..).zip(values) {
+        let Some(value) = *value else { continue };
+        // Those before it that lie on or above the line past them go.
+        while let [.., a, b] = chain[..]
+            && (b[1] - a[1]) * (at - a[0]) >= (value - a[1]) * (b[0] - a[0])
+        {
+            chain.pop();
+        }
+        chain.push([at, value]);
+    }
+    let mut out = vec![None; values.len()];
+    if let [[at, value]] = chain[..] {
+        out[at as usize] = Some(value);
+    }
+    for pair in chain.windows(2) {
+        let [[from, low], [to, high]] = [pair[0], pair[1]];
+        for at in from..=to {
+            let rise = (high - low) * (at - from);
+            // Rounded up.
+            out[at as usize] = Some(low - (-rise).div_euclid(to - from));
+        }
+    }
+    out
+}
+
+/// Cells of the largest group that touch with their sides, and the places around it: north-west, south-east.
+fn largest(mut open: Vec<bool>, [columns, rows]: [usize; 2]) -> (u64, [[usize; 2]; 2]) {
+    let mut best = (0, [[0; 2]; 2]);
+    let mut waiting: Vec<u32> = Vec::new();
+    for start in 0..open.len() {
+        if !std::mem::take(&mut open[start]) {
+            continue;
+        }
+        waiting.push(start as u32);
+        let mut group = (0, [[columns, rows], [0, 0]]);
+        while let Some(cell) = waiting.pop() {
+            let cell = cell as usize;
+            let (col, row) = (cell % columns, cell / columns);
+            let [low, high] = group.1;
+            let around = [[low[0].min(col), low[1].min(row)], [high[0].max(col), high[1].max(row)]];
+            group = (group.0 + 1, around);
+            let beside = [
+                (col > 0).then(|| cell - 1),
+                (col + 1 < columns).then(|| cell + 1),
+                (row > 0).then(|| cell - columns),
+                (row + 1 < rows).then(|| cell + columns),
+            ];
+            for next in beside.into_iter().flatten() {
+                if std::mem::take(&mut open[next]) {
+                    waiting.push(next as u32);
+                }
+            }
+        }
+        if group.0 > best.0 {
+            best = group;
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::map;
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn voids_are_within_the_hull_and_the_largest_is_found() {
+        let map = map(&[
+            &[0, 0, 1, 0, 0, 0],
+            &[0, 1, 0, 0, 1, 0],
+            &[1, 0, 0, 0, 1, 0],
+            &[0, 1, 1, 0, 1, 0],
+            &[0, 0, 1, 1, 0, 0],
+        ]);
+        let found = find(&map);
+        let inside = |row: usize| {
+            (0..6).map(|col| u8::from(found.is_inside([col, row]))).collect::<Vec<_>>()
+        };
+        assert_eq!(inside(0), [0, 0, 1, 0, 0, 0]);
+        assert_eq!(inside(1), [0, 1, 1, 1, 1, 0]);
+        assert_eq!(inside(2), [1, 1, 1, 1, 1, 0]);
+        assert_eq!(inside(4), [0, 0, 1, 1, 0, 0]);
+        // Two of the second row, three of the third and one of the fourth, all in one group.
+        let voids = found.voids;
+        assert_eq!((voids.cells, voids.area, voids.largest_area), (6, 6.0, 6.0));
+        assert_eq!(voids.largest_bounds, Some([1.0, 1.0, 4.0, 4.0]));
+        assert!((voids.share - 6.0 / 16.0).abs() < 1e-12);
+        assert_eq!(find(&super::super::tests::map(&[&[1]])).voids.largest_bounds, None);
+    }
+
+    /// Whether a place is in the hull of others: some two of them lie on either side of every line through it. By all
+    /// triangles of them.
+    fn is_within(place: [i64; 2], corners: &[[i64; 2]]) -> bool {
+        let turn = |a: [i64; 2], b: [i64; 2], c: [i64; 2]| {
+            ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).signum()
+        };
+        let between = |a: [i64; 2], b: [i64; 2]| {
+            turn(a, b, place) == 0
+                && (0..2).all(|k| a[k].min(b[k]) <= place[k] && place[k] <= a[k].max(b[k]))
+        };
+        corners.iter().any(|a| {
+            corners.iter().any(|b| {
+                between(*a, *b)
+                    || corners.iter().any(|c| {
+                        let turns = [turn(*a, *b, place), turn(*b, *c, place), turn(*c, *a, place)];
+                        turn(*a, *b, *c) != 0
+                            && (turns.iter().all(|t| *t > 0) || turns.iter().all(|t| *t < 0))
+                    })
+            })
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn the_hull_is_that_of_all_triangles(cells in prop::collection::vec((0usize..9, 0usize..7), 1..9)) {
+            let mut rows = vec![vec![0; 9]; 7];
+            cells.iter().for_each(|(col, row)| rows[*row][*col] += 1);
+            let map = map(&rows.iter().map(Vec::as_slice).collect::<Vec<_>>());
+            let found = find(&map);
+            let corners: Vec<[i64; 2]> = cells.iter().map(|(c, r)| [*c as i64, *r as i64]).collect();
+            for (col, row) in (0..63).map(|i| (i % 9, i / 9)) {
+                let expected = is_within([col as i64, row as i64], &corners);
+                prop_assert_eq!(found.is_inside([col, row]), expected, "{} {}", col, row);
+            }
+        }
+    }
+}

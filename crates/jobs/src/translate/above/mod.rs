@@ -1,0 +1,191 @@
+//! What the ground under points tells of them: their heights above it, and their classes.
+//!
+//! ```text
+//! records ─┬─ ground: by class, or found ── its triangulation ─┐
+//!          └─ places, by square ───────────────────────────────┴─ values, by number ── records again, with these
+//! ```
+
+mod look;
+mod told;
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::grid::{GroundFrom, WORKER};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Frame, Point};
+use terrane_cloud::{CloudInfo, PointFormat};
+use told::VALUES;
+
+pub(super) use look::Looking;
+pub(super) use told::Told;
+
+/// Where the height of a point above the ground goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeightsAs {
+    /// Into the dimension `HeightAboveGround` of its extra bytes, in steps of z.
+    Dimension,
+    /// Into its z; points that have no ground under them are left out.
+    Z,
+}
+
+/// What gives points their classes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Classify {
+    /// Those found to be ground are of class 2, and no others are.
+    Ground,
+    /// Those of no class (0 or 1) are of one by their height above the ground.
+    Height(Layers),
+}
+
+/// Classes, each from a height above the ground up to that of the next.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layers(Vec<(u8, f64)>);
+
+impl Default for Layers {
+    /// Low, medium and high vegetation.
+    fn default() -> Self {
+        Self(vec![(3, 0.5), (4, 2.0), (5, 5.0)])
+    }
+}
+
+impl FromStr for Layers {
+    type Err = String;
+
+    /// "3=0.5,4=2,5=5".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let one = |part: &str| {
+            let (class, height) = part.split_once('=').ok_or_else(|| {
+                format!("{part:?} is no class and the height that it begins at, such as 3=0.5")
+            })?;
+            let class =
+                class.trim().parse().map_err(|_| format!("{class} is no class, 0 to 255"))?;
+            let height = height.trim().parse().ok().filter(|height: &f64| height.is_finite());
+            Ok((class, height.ok_or_else(|| format!("{part:?} names no height"))?))
+        };
+        let layers = text.split(',').map(one).collect::<std::result::Result<Vec<_>, String>>()?;
+        match layers.is_sorted_by(|a, b| a.1 < b.1) {
+            true => Ok(Self(layers)),
+            false => Err("each height has to be above the one before it".to_owned()),
+        }
+    }
+}
+
+impl FromStr for Classify {
+    type Err = String;
+
+    /// "ground", "height", "height:3=0.5,4=2,5=5".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text.split_once(':') {
+            None if text == "ground" => Ok(Self::Ground),
+            None if text == "height" => Ok(Self::Height(Layers::default())),
+            Some(("height", layers)) => layers.parse().map(Self::Height),
+            _ => Err(format!("{text} is none of ground, height, height:CLASS=FROM,...")),
+        }
+    }
+}
+
+impl fmt::Display for Classify {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::Height(Layers(layers)) = self else { return f.write_str("ground") };
+        let all: Vec<_> = layers.iter().map(|(class, from)| format!("{class}={from}")).collect();
+        write!(f, "height:{}", all.join(","))
+    }
+}
+
+impl Layers {
+    /// The class at a height; `None` below the first.
+    fn at(&self, height: f64) -> Option<u8> {
+        self.0.iter().rev().find(|(_, from)| height >= *from).map(|(class, _)| *class)
+    }
+}
+
+/// What is asked of the ground.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Above {
+    /// Which points are ground.
+    pub from: GroundFrom,
+    /// Where heights above it go.
+    pub heights: Option<HeightsAs>,
+    /// Who gives classes, one after the other.
+    pub classify: Vec<Classify>,
+}
+
+/// Bytes of tables for each square of the plane.
+const SQUARE: u64 = 512;
+const NO_HEIGHT: i32 = i32::MIN;
+
+impl Above {
+    /// Whether anything is asked.
+    pub(super) fn is_asked(&self) -> bool {
+        self.heights.is_some() || !self.classify.is_empty()
+    }
+
+    /// Bytes that it needs for so many points, and more for each thread.
+    pub(super) fn needed(&self, points: u64) -> [u64; 2] {
+        match self.is_asked() {
+            true => [2 * VALUES + (points / 4096).clamp(1, 1 << 18) * SQUARE, WORKER],
+            false => [0; 2],
+        }
+    }
+
+    /// Frame, bounds and system of points of this cloud, as they are written.
+    pub(super) fn info(&self, info: &CloudInfo) -> CloudInfo {
+        if self.heights != Some(HeightsAs::Z) {
+            return info.clone();
+        }
+        let [x, y, _] = info.frame.offset;
+        let frame = Frame { offset: [x, y, 0.0], ..info.frame };
+        let bounds = info.bounds.map(|[low, high]| {
+            // The ground is between the lowest and the highest point; heights are rounded to a step.
+            let most = high.z.saturating_sub(low.z).saturating_add(1);
+            [Point { z: -most, ..low }, Point { z: most, ..high }]
+        });
+        CloudInfo { frame, bounds, crs: info.crs.without_heights(), ..info.clone() }
+    }
+
+    /// # Errors
+    /// What cannot be asked together, or of a format.
+    pub(super) fn check(&self, format: PointFormat) -> Result<()> {
+        let grounds = self.classify.iter().filter(|one| **one == Classify::Ground).count();
+        if grounds > 0 && self.from == GroundFrom::Class {
+            return Err(Error::usage(
+                "--classify ground cannot act: --ground class takes the classes that there are",
+            )
+            .remedy("leave one of them out"));
+        }
+        if !self.is_asked() && self.from != GroundFrom::Auto {
+            return Err(Error::usage("--ground cannot act: nothing is asked of the ground")
+                .remedy("pass --height-above-ground or --classify, or leave --ground out"));
+        }
+        if grounds > 1 || self.classify.len() - grounds > 1 {
+            return Err(Error::usage("--classify names one way twice").remedy("leave one out"));
+        }
+        let classes =
+            self.layers().into_iter().flat_map(|Layers(all)| all).map(|(class, _)| *class);
+        match classes.max().filter(|class| *class > format.most_class()) {
+            None => Ok(()),
+            Some(class) => {
+                let number = format.number();
+                Err(Error::usage(format!("point format {number} has no class {class}"))
+                    .remedy("pass --point-format 6, or 7 with colours"))
+            }
+        }
+    }
+
+    fn layers(&self) -> Option<&Layers> {
+        self.classify.iter().find_map(|one| match one {
+            Classify::Height(layers) => Some(layers),
+            Classify::Ground => None,
+        })
+    }
+
+    fn finds_ground(&self) -> bool {
+        self.classify.contains(&Classify::Ground)
+    }
+
+    /// Whether the ground is that of the classes, if there are points of it.
+    fn takes_classes(&self) -> bool {
+        !self.from.is_method() && !self.finds_ground()
+    }
+}

@@ -1,0 +1,128 @@
+//! Records with what was told of them.
+
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::NO_HEIGHT;
+use crate::records::{Records, Take};
+use terrane_base::error::Result;
+use terrane_cloud::PointFormat;
+use terrane_files::{Buckets, Writer};
+
+/// Bytes of values that are held while they are read.
+pub(super) const VALUES: u64 = 16 << 20;
+/// Values of a bucket, and the most buckets.
+const BUCKET: u64 = 1 << 16;
+const MOST_BUCKETS: u64 = 1 << 14;
+
+/// What is told of a point.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Value {
+    /// Within its bucket.
+    number: u32,
+    class: u32,
+    height: i32,
+}
+
+/// Values by the numbers of records, in buckets of as many.
+pub(super) struct Values {
+    buckets: Buckets<Value>,
+    /// Numbers of a bucket.
+    each: u64,
+}
+
+impl Values {
+    pub(super) fn new(points: u64, folder: &Path) -> Self {
+        let each = BUCKET.max(points.div_ceil(MOST_BUCKETS));
+        let count = points.div_ceil(each).max(1) as usize;
+        Self { buckets: Buckets::new(folder, count, VALUES), each }
+    }
+
+    /// For putting values of one thread to their numbers.
+    pub(super) fn writer(&self) -> ValueWriter<'_> {
+        ValueWriter { each: self.each, to: self.buckets.writer() }
+    }
+
+    /// Those of a bucket, by number.
+    fn of(&self, bucket: u64) -> Result<Vec<(i32, u8)>> {
+        let mut all = vec![(NO_HEIGHT, 0); self.buckets.len(bucket as usize) as usize];
+        self.buckets.read(bucket as usize, |values| {
+            for Value { number, class, height } in values {
+                all[*number as usize] = (*height, *class as u8);
+            }
+        })?;
+        Ok(all)
+    }
+}
+
+/// Puts values to their numbers. Call [`finish`](Self::finish) at the end.
+pub(super) struct ValueWriter<'a> {
+    each: u64,
+    to: Writer<'a, Value>,
+}
+
+impl ValueWriter<'_> {
+    pub(super) fn put(&mut self, number: u64, class: u8, height: i32) -> Result<()> {
+        let (bucket, number) = ((number / self.each) as usize, (number % self.each) as u32);
+        self.to.push(bucket, Value { number, class: class.into(), height })
+    }
+
+    pub(super) fn finish(self) -> Result<()> {
+        self.to.finish()
+    }
+}
+
+/// Where a record has its z.
+pub(super) const Z: usize = 8;
+
+/// Records with what was told of them.
+pub(in crate::translate) struct Told<'a> {
+    pub(super) records: &'a dyn Records,
+    pub(super) format: PointFormat,
+    pub(super) record: usize,
+    /// Where heights go.
+    pub(super) at: Option<usize>,
+    pub(super) values: Values,
+    /// Number of the first record of each unit.
+    pub(super) firsts: Vec<u64>,
+    pub(in crate::translate) notes: Vec<String>,
+}
+
+impl Records for Told<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.records.points(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let (mut number, mut told) = (self.firsts[unit], Vec::new());
+        let (mut bucket, mut values) = (None, Vec::new());
+        self.records.read(unit, &mut |bytes| {
+            told.clear();
+            for record in bytes.chunks_exact(self.record) {
+                if bucket != Some(number / self.values.each) {
+                    bucket = Some(number / self.values.each);
+                    values = self.values.of(number / self.values.each)?;
+                }
+                let (height, class) = values[(number % self.values.each) as usize];
+                number += 1;
+                if self.at == Some(Z) && height == NO_HEIGHT {
+                    continue;
+                }
+                let first = told.len();
+                told.extend_from_slice(record);
+                let record = &mut told[first..];
+                self.format.set_class(record, class);
+                if let Some(at) = self.at {
+                    record[at..at + size_of::<i32>()].copy_from_slice(&height.to_le_bytes());
+                }
+            }
+            take(&told)
+        })
+    }
+}

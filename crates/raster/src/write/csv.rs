@@ -1,0 +1,201 @@
+//! Tables: a line for each cell that has a value, with its centre and a column for each band.
+
+use std::fmt::{Display, Write};
+use std::sync::Mutex;
+
+use super::sidecar::{self, Sidecars};
+use super::{GridFormat, GridSink, Order, WriteOptions};
+use crate::store::Heights;
+use crate::store::sample::{Codec, Height};
+use crate::{GridInfo, SampleType};
+use terrane_base::error::Result;
+use terrane_base::geom::{Affine, Rect};
+use terrane_files::atomic::AtomicFile;
+use terrane_files::{Out, lock, unlocked};
+
+/// The registry entry.
+pub(super) const FORMAT: GridFormat = GridFormat {
+    name: "CSV",
+    extensions: &["csv"],
+    about: "a table with .prj: x and y of each cell's centre, and a column for each band",
+    options: &[],
+    several_bands: true,
+    holds_types: true,
+    names_voids: false,
+    bytes_per_sample: 160,
+    create: |order| Ok(Box::new(CsvSink::new(order)?)),
+};
+
+/// Cells of a block, about; at least one row.
+const BLOCK_CELLS: u32 = 1 << 13;
+/// Places behind the point of a coordinate: to a millionth of a cell, at most so many.
+const MOST_DECIMALS: f64 = 15.0;
+
+/// A table in the making.
+struct CsvSink {
+    target: AtomicFile,
+    info: GridInfo,
+    /// Whether 0 stands for no value, by band.
+    counts: Vec<bool>,
+    /// For values of types of whole numbers.
+    codec: Option<Codec>,
+    decimals: usize,
+    sidecars: Sidecars,
+    rows: Mutex<Rows>,
+}
+
+/// Lines on their way into the file.
+struct Rows {
+    text: Out,
+    /// The columns of the bands of a block so far.
+    columns: Vec<Vec<u8>>,
+}
+
+impl CsvSink {
+    fn new(order: &Order<'_>) -> Result<Self> {
+        let sample_type = order.options.sample_type.unwrap_or(order.info.sample_type);
+        let info = GridInfo { sample_type, nodata: None, ..order.heights(SampleType::F64)? };
+        let is_float = matches!(sample_type, SampleType::F32 | SampleType::F64);
+        let codec = Codec::new(&info);
+        let codec = (!is_float).then(|| codec.rounding(order.rounding()));
+        let target = AtomicFile::create(order.path, order.options.overwrite)?;
+        let mut sidecars = Sidecars::new(order.path, order.options);
+        sidecars.add_prj(&info.crs)?;
+        let mut text = Out::of(&target, 0)?;
+        text.write(heading(order.options).as_bytes())?;
+        let counts = match order.options.bands.as_slice() {
+            [] => vec![false],
+            bands => bands.iter().map(|band| band.counts).collect(),
+        };
+        let rows = Mutex::new(Rows { text, columns: Vec::new() });
+        let decimals = decimals(&info.transform);
+        Ok(Self { target, info, counts, codec, decimals, sidecars, rows })
+    }
+
+    /// The values of a band, a line for each; behind the places of the cells for the first band. A void is empty.
+    fn column<H: Height + Display>(&self, band: u32, rect: Rect, values: &[H]) -> Result<Vec<u8>> {
+        let mut text = String::new();
+        let rows = (rect.row..).zip(values.chunks_exact(rect.width as usize));
+        let cells = rows.flat_map(|(row, line)| {
+            (rect.col..).zip(line).map(move |(col, value)| (col, row, *value))
+        });
+        for (col, row, value) in cells {
+            if band == 0 {
+                for coordinate in self.info.transform.apply(f64::from(col), f64::from(row)) {
+                    self.coordinate(coordinate, &mut text);
+                }
+            }
+            match &self.codec {
+                _ if value.is_void() => {}
+                Some(codec) => {
+                    let fitting = codec.fit(value.to_f64()).map_err(|misfit| {
+                        codec.refusal(misfit, col, row).in_file(self.target.path())
+                    })?;
+                    put(&mut text, fitting);
+                }
+                None => put(&mut text, value),
+            }
+            text.push('\n');
+        }
+        Ok(text.into_bytes())
+    }
+
+    /// A coordinate and a comma.
+    fn coordinate(&self, value: f64, text: &mut String) {
+        let from = text.len();
+        put(text, format_args!("{value:.*}", self.decimals));
+        if self.decimals > 0 {
+            let short = text[from..].trim_end_matches('0').trim_end_matches('.').len();
+            text.truncate(from + short);
+        }
+        text.push(',');
+    }
+
+    /// The lines of a block whose columns are all there.
+    fn lines(&self, columns: &[Vec<u8>]) -> Vec<u8> {
+        let mut out = Vec::with_capacity(columns.iter().map(Vec::len).sum());
+        let mut columns: Vec<_> =
+            columns.iter().map(|column| column.split(|byte| *byte == b'\n')).collect();
+        loop {
+            let start = out.len();
+            let mut is_void = true;
+            for (column, counts) in columns.iter_mut().zip(&self.counts) {
+                let Some(cell) = column.next() else { return out };
+                let value = cell.rsplit(|byte| *byte == b',').next().unwrap_or_default();
+                is_void &= value.is_empty() || (*counts && value == b"0");
+                out.extend_from_slice(cell);
+                out.push(b',');
+            }
+            out.pop();
+            out.push(b'\n');
+            if is_void {
+                out.truncate(start);
+            }
+        }
+    }
+}
+
+/// Names of columns, in quotes where they need them.
+fn heading(options: &WriteOptions) -> String {
+    let quoted = |name: &str| match name.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", name.replace('"', "\"\"")),
+        false => name.to_owned(),
+    };
+    let mut names = vec!["x".to_owned(), "y".to_owned()];
+    names.extend(options.bands.iter().map(|band| quoted(&band.name)));
+    if options.bands.is_empty() {
+        names.push("z".to_owned());
+    }
+    names.join(",") + "\n"
+}
+
+/// Places behind the point that tell cells apart by far.
+fn decimals(transform: &Affine) -> usize {
+    let Affine { a, b, d, e, .. } = *transform;
+    let cell = a.hypot(d).min(b.hypot(e));
+    (6.0 - cell.log10()).ceil().clamp(0.0, MOST_DECIMALS) as usize
+}
+
+fn put(text: &mut String, value: impl Display) {
+    // Writing to a string does not fail.
+    let _ = write!(text, "{value}");
+}
+
+impl GridSink for CsvSink {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn block(&self) -> (u32, u32) {
+        let GridInfo { width, height, .. } = self.info;
+        (width, (BLOCK_CELLS / width).clamp(1, height))
+    }
+
+    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+        *out = match heights {
+            Heights::F32(heights) => self.column(band, rect, heights)?,
+            Heights::F64(heights) => self.column(band, rect, heights)?,
+        };
+        Ok(())
+    }
+
+    fn append(&self, bytes: &[u8]) -> Result<()> {
+        let Rows { text, columns } = &mut *lock(&self.rows);
+        columns.push(bytes.to_vec());
+        if columns.len() < self.counts.len() {
+            return Ok(());
+        }
+        text.write(&self.lines(&std::mem::take(columns)))
+    }
+
+    fn notes(&self) -> Vec<String> {
+        sidecar::lost(&self.info)
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        let Self { target, sidecars, rows, .. } = *self;
+        unlocked(rows).text.flush()?;
+        sidecars.commit()?;
+        target.commit()
+    }
+}
