@@ -33,7 +33,7 @@ pub struct Parameter {
     pub key: &'static str,
     /// One line for the documentation, with the unit.
     pub about: &'static str,
-    /// Its published value.
+    /// Its default.
     pub default: f64,
     /// Its least and its largest value.
     pub range: [f64; 2],
@@ -116,7 +116,7 @@ impl Asked {
     /// The method that is taken where none is named.
     pub const BEST: Self = Self::plain(&adaptive::METHOD);
 
-    /// A method with its published parameters.
+    /// A method with its defaults.
     pub const fn plain(method: &'static Method) -> Self {
         let (mut values, mut i) = ([0.0; MOST], 0);
         while i < method.parameters.len() {
