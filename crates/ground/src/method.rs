@@ -261,7 +261,7 @@ mod tests {
             }
             let empty = Lows { points: &[], ..lows };
             Asked::plain(method).find(&empty);
-            let none = Lows { points: &vec![NO_POINT; 9], width: 3, ..lows };
+            let none = Lows { points: &[NO_POINT; 9], width: 3, ..lows };
             assert!(!Asked::plain(method).find(&none).is_ground(1, 1, [0.5; 2], 0));
         }
     }

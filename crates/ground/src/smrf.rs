@@ -53,7 +53,7 @@ fn without_objects(heights: &[f64], width: usize, radius: usize, rise: f64) -> V
     let filled = nearest_filled(heights, width);
     let upside_down: Vec<f64> = filled.iter().map(|z| -z).collect();
     let closed: Vec<f64> = opened(&upside_down, width, 1).iter().map(|z| -z).collect();
-    let is_low = |at: usize| closed[at] - filled[at] > LOW * rise.max(f64::MIN_POSITIVE).min(1.0);
+    let is_low = |at: usize| closed[at] - filled[at] > LOW * rise.clamp(f64::MIN_POSITIVE, 1.0);
     let mut bare = heights.to_vec();
     let mut last = filled.clone();
     for r in 1..=radius {
