@@ -228,6 +228,7 @@ const JOBS: &[&str] = &[
     "grid sparse.laz o.tif --cell 4 --stat natural",
     "grid dense.laz o.tif --cell 1 --dtm",
     "grid dense.laz o.tif --cell 1 --chm",
+    "grid dense.laz o.tif --cell 1 --dtm --ground ptd",
     "contour dem.tif -o o.fgb --interval 20 --tile 256",
     "contour dem.tif -o o.geojson --interval 20 --tolerance 2 --tile 256",
     "verify dem.ply dem.tif",
@@ -288,6 +289,7 @@ const JOBS: &[&str] = &[
     "points dense.laz o.laz --thin 0.5:lowest --dedupe",
     "points dense.laz o.copc.laz",
     "points dense.laz o3.laz --classify ground --height-above-ground",
+    "points dense.laz o4.laz --classify ground --ground smrf",
     "points dense.laz o5 --tile 100 --buffer 5",
     "points dense.laz o2.laz --to-crs EPSG:4326",
 ];

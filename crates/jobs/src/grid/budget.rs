@@ -94,6 +94,22 @@ impl Budget {
         if recipe.triangulates() { 2 * one } else { one }
     }
 
+    /// Fails where what is needed before is more than there is; what is advised then is enough for all.
+    pub(super) fn check(
+        resources: &Resources,
+        format: &GridFormat,
+        (sink, extent, recipe): (&dyn GridSink, &Extent, &Recipe),
+        before: u64,
+    ) -> Result<()> {
+        match before > resources.memory {
+            true => {
+                let least = before.max(Self::least(format, sink, extent, recipe));
+                Err(too_small(resources.memory, least))
+            }
+            false => Ok(()),
+        }
+    }
+
     /// For the writing of a grid whose values are read from files: what is left for their blocks.
     pub(super) fn writing(
         resources: &Resources,

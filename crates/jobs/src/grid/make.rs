@@ -8,7 +8,7 @@ use super::budget::Budget;
 use super::extent::Extent;
 use super::feed::{Fed, Feed};
 use super::neighbours::{self, Heights, Surfaces};
-use super::preset::{Making, Model};
+use super::preset::{self, Making, Model};
 use super::report::{BandReport, GridReport, GridStage};
 use super::source::{BandSource, Cells, Finished};
 use crate::convert::{copy_levels, task};
@@ -63,6 +63,10 @@ impl<'a> Maker<'a> {
         let mut sink = format.create(&job.output, &info, &job.write_options())?;
         let parts = self.parts();
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
+        if job.preset.is_some() {
+            let least = preset::least(job, self.points.info());
+            Budget::check(&job.resources, format, (sink.as_ref(), extent, &recipe), least)?;
+        }
         let budget = Budget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
         let blocks = Blocks::new(&recipe, extent, &budget, job.spill_folder());
         let columns = columns.as_deref();

@@ -183,7 +183,7 @@ pub fn run(
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
     let carrier = Carrier::new(&cloud, (job.format, packing), has_dimension)?;
     job.above.check(carrier.format())?;
-    let needed = job.needed(packing, cloud.info().count);
+    let needed = job.needed(packing, carrier.info());
     let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
     let threads = shares.threads;
     let told = job.above.info(carrier.info());
@@ -231,12 +231,12 @@ pub fn run(
 }
 
 impl TranslateJob {
-    /// Bytes of memory that it needs beside records on their way, for so many points; and more for each thread.
-    fn needed(&self, packing: Packing, points: u64) -> [u64; 2] {
+    /// Bytes of memory that it needs beside records on their way, for such a cloud; and more for each thread.
+    fn needed(&self, packing: Packing, info: &CloudInfo) -> [u64; 2] {
         let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
         let is_spread = packing == Packing::Nodes || self.squares.is_some();
-        let [above, each] = self.above.needed(points);
-        [choices * needed(points) + above + if is_spread { SPREAD } else { 0 }, each]
+        let [above, each] = self.above.needed(info);
+        [choices * needed(info.count) + above + if is_spread { SPREAD } else { 0 }, each]
     }
 
     /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
@@ -329,13 +329,15 @@ impl Work<'_> {
     }
 
     fn tell<'r>(&self, records: &'r dyn Records, wide: Option<&Wide>) -> Result<Told<'r>> {
+        let square = self.job.above.square(self.carrier.info());
         let looking = Looking {
             above: &self.job.above,
             info: self.carrier.info(),
             format: self.carrier.format(),
             flow: self.shares.flow,
             threads: self.shares.threads,
-            memory: self.shares.marks,
+            memory: self.shares.marks.saturating_sub(square),
+            square,
             folder: self.folder(),
             keeps_withheld: self.job.cloud.filter.keep_withheld,
             at: self.at,

@@ -91,11 +91,11 @@ impl<'a> Filter<'a> {
 
     /// As many threads as the memory has tiles for; one, at least.
     fn threads(&self, threads: usize) -> usize {
-        let across = self.side as u64 + 2 * self.lattice.halo as u64;
-        let tile = across * across * BYTES_FIXED;
-        match self.lattice.core {
-            Some(_) => (self.memory * threads as u64 / tile).clamp(1, threads as u64) as usize,
-            None => threads,
+        let all = self.all();
+        let extent = [0, 1].map(|i| (all.end[i] - all.low[i]) as f64 * self.lattice.cell);
+        match bytes_of(self.lattice, extent) {
+            0 => threads,
+            tile => (self.memory * threads as u64 / tile).clamp(1, threads as u64) as usize,
         }
     }
 
@@ -209,6 +209,18 @@ impl<'a> Filter<'a> {
         core.place(cell).is_some()
             && wide.place(cell).is_some_and(|[col, row]| found.is_ground(col, row, place, point.z))
     }
+}
+
+/// Bytes that a square takes of a method that is defined on squares, for a cloud as wide and high in metres whose
+/// points may be as near to each other as they like; 0 for a method whose tiles are as small as memory allows.
+pub(crate) fn square_bytes(method: &Asked, extent: [f64; 2]) -> u64 {
+    bytes_of(method.lattice(0.0), extent)
+}
+
+fn bytes_of(lattice: Lattice, extent: [f64; 2]) -> u64 {
+    let most = lattice.core.map_or(0, |core| core + 2 * lattice.halo) as u64;
+    let cells = extent.map(|metres| ((metres / lattice.cell).ceil() as u64).saturating_add(2));
+    cells.map(|cells| cells.min(most)).iter().product::<u64>() * BYTES_FIXED
 }
 
 /// How far points are apart, about, in metres: by the squares that hold any.

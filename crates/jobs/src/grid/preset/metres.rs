@@ -1,7 +1,7 @@
 //! Lengths of a cloud in metres, which the thresholds of presets are stated in.
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame};
+use terrane_base::geom::{Crs, Frame, Point};
 
 /// What steps of a frame are in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +28,15 @@ impl Metres {
         };
         let ([x, y, z], across) = (frame.scale, side.unwrap_or(1.0));
         Ok(Self { step: [x * across, y * across, z * rise], is_guess: side.is_none() })
+    }
+}
+
+impl Metres {
+    /// How wide and high the box around a cloud is.
+    pub(crate) fn extent(&self, bounds: Option<[Point; 2]>) -> [f64; 2] {
+        let Some([low, high]) = bounds else { return [0.0; 2] };
+        let steps = [high.x.abs_diff(low.x), high.y.abs_diff(low.y)];
+        [0, 1].map(|i| f64::from(steps[i]) * self.step[i])
     }
 }
 

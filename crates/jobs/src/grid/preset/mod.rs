@@ -19,9 +19,9 @@ use super::neighbours::Surfaces;
 use crate::points::{Filling, PointStore, Tiling};
 use crate::{Cancel, Progress};
 use canopy::Canopy;
-pub(crate) use filter::Filter;
+pub(crate) use filter::{Filter, square_bytes};
 pub(crate) use metres::Metres;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_cloud::{self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, Return};
 use terrane_gridding::{Asked, Statistic, Subject};
@@ -189,9 +189,16 @@ impl Model {
         let metres = self.metres(cloud)?;
         let candidates = making.read(no_noise(), Some(Return::Last))?;
         self.census = *candidates.census();
-        let tile = making.memory / TILE_SHARE / making.threads as u64;
-        let store = making.store(candidates.tiling());
         let method = making.job.ground.method();
+        let square = square_bytes(&method, metres.extent(cloud.bounds));
+        // The store of the surface is filled later.
+        let room = making.store_memory();
+        if square > room {
+            return Err(too_little(method.name(), least_for(square), making.job.resources.memory));
+        }
+        let share = if square > 0 { room } else { making.memory / TILE_SHARE };
+        let tile = share / making.threads as u64;
+        let store = making.store(candidates.tiling());
         let filter = Filter::new(&candidates, &metres, method, tile);
         filter.run(&store, making.threads, making.progress, making.cancel)?;
         let (found, all) = (store.count(), candidates.count());
@@ -263,6 +270,28 @@ impl Model {
 /// The error of a cloud without points of the classes of ground.
 pub(crate) fn no_ground_of_class(named: &str) -> Error {
     Error::bad_input(format!("the cloud has no points of class {named}"))
+}
+
+/// Bytes of memory in all that a job needs to find the ground as it is asked to, before anything else; 0 where
+/// that is not known before the points are.
+pub(super) fn least(job: &GridJob, cloud: &CloudInfo) -> u64 {
+    let GroundFrom::Method(method) = job.ground else { return 0 };
+    let extent = Metres::of(&cloud.crs, &cloud.frame).map(|metres| metres.extent(cloud.bounds));
+    extent.map_or(0, |extent| least_for(square_bytes(&method, extent)))
+}
+
+/// Of a square: half of the memory is for points, in three stores.
+fn least_for(square: u64) -> u64 {
+    2 * STORES * square
+}
+
+fn too_little(method: &str, least: u64, memory: u64) -> Error {
+    let [least, memory] = [least.div_ceil(1 << 20), memory >> 20];
+    let message = format!(
+        "finding the ground by {method} takes {least} MiB of memory, and {memory} are allowed"
+    );
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("pass --memory {least}M or more, or --ground filter"))
 }
 
 /// All classes but those of noise.

@@ -42,6 +42,8 @@ pub(in crate::translate) struct Looking<'a> {
     pub(in crate::translate) threads: usize,
     /// Bytes for points.
     pub(in crate::translate) memory: u64,
+    /// And for a square of the method that finds the ground.
+    pub(in crate::translate) square: u64,
     pub(in crate::translate) folder: &'a Path,
     /// Whether points marked as withheld may be ground.
     pub(in crate::translate) keeps_withheld: bool,
@@ -162,7 +164,7 @@ impl Looking<'_> {
         if metres.is_guess {
             notes.push("the cloud names no unit of length; it is taken for metres".to_owned());
         }
-        let tile = self.memory / TILE_SHARE / self.threads as u64;
+        let tile = (self.square + self.memory / TILE_SHARE) / self.threads as u64;
         let ground = self.store();
         let method = self.above.from.method();
         let filter = Filter::new(candidates, &metres, method, tile);

@@ -11,6 +11,7 @@ mod told;
 use std::fmt;
 use std::str::FromStr;
 
+use crate::grid::preset::{Metres, square_bytes};
 use crate::grid::{GroundFrom, WORKER};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Frame, Point};
@@ -121,11 +122,23 @@ impl Above {
         self.heights.is_some() || !self.classify.is_empty()
     }
 
-    /// Bytes that it needs for so many points, and more for each thread.
-    pub(super) fn needed(&self, points: u64) -> [u64; 2] {
+    /// Bytes that it needs for a cloud, and more for each thread.
+    pub(super) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
+        let tables = (info.count / 4096).clamp(1, 1 << 18) * SQUARE;
         match self.is_asked() {
-            true => [2 * VALUES + (points / 4096).clamp(1, 1 << 18) * SQUARE, WORKER],
+            true => [2 * VALUES + tables + self.square(info), WORKER],
             false => [0; 2],
+        }
+    }
+
+    /// Bytes of them for a square of the method that finds the ground.
+    pub(super) fn square(&self, info: &CloudInfo) -> u64 {
+        let metres = Metres::of(&info.crs, &info.frame);
+        match metres {
+            Ok(metres) if self.is_asked() && self.from != GroundFrom::Class => {
+                square_bytes(&self.from.method(), metres.extent(info.bounds))
+            }
+            _ => 0,
         }
     }
 
