@@ -68,16 +68,16 @@ fn the_ground_is_found_by_class_and_by_filter() {
 }
 
 #[test]
-fn a_cloud_without_classes_is_filtered_unless_only_classes_are_asked_for() {
+fn ground_without_classes_is_found_unless_only_classes_are_asked_for() {
     let place = Place::new();
     // Class 30 is that of no point.
     let job = GridJob::of_preset([FOREST], place.path("a.tif"), Preset::Dtm, 1.0);
     let mut none = job.clone();
     none.cloud.filter.classes = Some(vec![30]);
-    let filtered = GridJob { ground: GroundFrom::FILTER, ..job };
+    let best = GridJob { ground: GroundFrom::Method(terrane_ground::Asked::BEST), ..job };
     let (auto, report) = made(&none);
-    assert!(report.notes[0].contains("found by the ground filter"), "{:?}", report.notes);
-    assert_eq!(auto.values, made(&filtered).0.values);
+    assert!(report.notes[0].contains("found by the method adaptive"), "{:?}", report.notes);
+    assert_eq!(auto.values, made(&best).0.values);
     let only = GridJob { ground: GroundFrom::Class, ..none };
     let error = run(&GridJob { overwrite: true, ..only }, &Silent, &Cancel::default());
     assert!(error.unwrap_err().to_string().contains("no points of class 30"));
