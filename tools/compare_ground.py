@@ -34,7 +34,8 @@ def model(run, cloud, path, ground, cell):
 
 def classes(before, after):
     """Shares of ground refused and of others taken, of last returns that are no noise."""
-    looked = (before.return_number >= before.number_of_returns) & ~np.isin(before.classification, NOISE)
+    number, returns, kind = (np.asarray(before[name]) for name in ("return_number", "number_of_returns", "classification"))
+    looked = (number >= returns) & ~np.isin(kind, NOISE)
     is_ground, is_found = (np.asarray(cloud.classification)[looked] == 2 for cloud in (before, after))
     return (is_ground & ~is_found).sum() / is_ground.sum(), (~is_ground & is_found).sum() / max(1, (~is_ground).sum())
 

@@ -308,3 +308,37 @@ fn what_the_ground_cannot_tell_is_refused() {
         assert_eq!(text.parse::<Classify>().unwrap().to_string(), text);
     }
 }
+
+#[test]
+fn whole_numbers_far_from_zero_change_nothing() {
+    let place = Place::new();
+    let output = place.path().join("out.laz");
+    let near = survey(&place, "cloud,size=60,density=5,seed=4", 6, "near.las");
+    let far = place.path().join("far.las");
+    // As files of one lattice for a country have it: y beyond 2^29 steps of a centimetre.
+    let (mut bytes, steps) = (std::fs::read(&near).unwrap(), 600_000_000);
+    let offset = f64::from_le_bytes(number(&bytes, 163)) - f64::from(steps) * 0.01;
+    bytes[163..171].copy_from_slice(&offset.to_le_bytes());
+    std::fs::write(&far, bytes).unwrap();
+    let far = far.to_str().unwrap();
+    rewrite(far, |record| {
+        let y = raw(record)[1] + steps;
+        record[4..8].copy_from_slice(&y.to_le_bytes());
+    });
+    let thin = Some("0.7:lowest".parse().unwrap());
+    let told = |input: &str, ask: &str, thin| {
+        let from = if ask == "ground" { GroundFrom::FILTER } else { GroundFrom::Auto };
+        let above = Above { from, ..above(Some(HeightsAs::Dimension), &[ask]) };
+        run(&TranslateJob { above, thin, ..job(&[input], &output) }).unwrap();
+        let all = whole(&output).records;
+        all.iter().map(|r| (raw(r)[0], class(r), height(r))).collect::<Vec<_>>()
+    };
+    for thin in [None, thin] {
+        let found = told(&near, "height", thin);
+        assert!(found == told(far, "height", thin) && found.len() > 4000, "{thin:?}");
+    }
+    // The cells of the filter begin where the frame does, so a few points may differ.
+    let [near, far] = [&near, far].map(|input| told(input, "ground", None));
+    let same = near.iter().zip(&far).filter(|(a, b)| a.1 == b.1).count();
+    assert!(same * 1000 > near.len() * 995, "{same} of {}", near.len());
+}

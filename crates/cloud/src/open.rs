@@ -101,6 +101,11 @@ impl Cloud {
         (CloudInfo { frame, bounds, ..self.info.clone() }, true)
     }
 
+    /// How many steps they are stored further than they are in the frame.
+    pub(super) fn stored_by(&self) -> [i32; 3] {
+        self.lattice.map_or([0; 3], |(_, by)| by)
+    }
+
     /// A part: the number of its file, the file, and the part of it.
     pub(super) fn part(&self, part: usize) -> Result<(usize, &Member, usize)> {
         let found = self.parts.get(part).and_then(|(number, inner)| {

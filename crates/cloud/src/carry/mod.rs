@@ -121,6 +121,11 @@ impl<'a> Carrier<'a> {
         &self.info
     }
 
+    /// How many steps records are from where their points are in the frame of the cloud, in which all methods work.
+    pub fn shift(&self) -> [i32; 3] {
+        self.cloud.stored_by()
+    }
+
     /// Bytes of a record.
     pub fn size(&self) -> usize {
         self.format.size() + self.extra_bytes()

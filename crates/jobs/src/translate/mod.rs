@@ -194,6 +194,7 @@ pub fn run(
     let source = CarriedRecords::new(&cloud, &carrier);
     let work = Work {
         job,
+        cloud: cloud.info(),
         told: &told,
         info,
         moved: moved.as_ref(),
@@ -297,6 +298,8 @@ struct Made {
 /// A job whose input is open.
 struct Work<'a> {
     job: &'a TranslateJob,
+    /// What is read, in the frame that methods work in.
+    cloud: &'a CloudInfo,
     /// What is known before points are moved.
     told: &'a CloudInfo,
     /// What is written.
@@ -329,10 +332,11 @@ impl Work<'_> {
     }
 
     fn tell<'r>(&self, records: &'r dyn Records, wide: Option<&Wide>) -> Result<Told<'r>> {
-        let square = self.job.above.square(self.carrier.info());
+        let square = self.job.above.square(self.cloud);
         let looking = Looking {
             above: &self.job.above,
-            info: self.carrier.info(),
+            info: self.cloud,
+            shift: self.carrier.shift(),
             format: self.carrier.format(),
             flow: self.shares.flow,
             threads: self.shares.threads,

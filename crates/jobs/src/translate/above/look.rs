@@ -35,8 +35,10 @@ const NO_CLASS: [u8; 2] = [0, 1];
 /// Where the ground is looked for, and with what.
 pub(in crate::translate) struct Looking<'a> {
     pub(in crate::translate) above: &'a Above,
-    /// Where records lie.
+    /// Where points lie.
     pub(in crate::translate) info: &'a CloudInfo,
+    /// How many steps records are from there.
+    pub(in crate::translate) shift: [i32; 3],
     pub(in crate::translate) format: PointFormat,
     pub(in crate::translate) flow: Flow,
     pub(in crate::translate) threads: usize,
@@ -186,7 +188,7 @@ impl Looking<'_> {
         let mut entries = entries.map(Buckets::writer);
         let mut run = Vec::new();
         let found = numbered::pass(records, self.flow, self.at, &mut |number, record| {
-            let (point, is_candidate) = (place(record), self.is_candidate(record));
+            let (point, is_candidate) = (self.place(record), self.is_candidate(record));
             let class = self.format.class(record);
             if let Some(entries) = &mut entries {
                 let place = [point.x, point.y, point.z];
@@ -212,6 +214,11 @@ impl Looking<'_> {
         ground.map_or(Ok(()), |(_, store)| store.add(&run))?;
         self.at.progress.end();
         Ok(found)
+    }
+
+    fn place(&self, record: &[u8]) -> Point {
+        let (Point { x, y, z }, by) = (place(record), self.shift);
+        Point { x: x.wrapping_sub(by[0]), y: y.wrapping_sub(by[1]), z: z.wrapping_sub(by[2]) }
     }
 
     /// Whether a point may be found to be ground.
