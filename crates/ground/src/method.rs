@@ -266,6 +266,60 @@ mod tests {
         }
     }
 
+    /// Which cells of a gentle slope with something on it a method takes for ground, 12 cells and more from the
+    /// border.
+    fn kept(asked: &str, on: impl Fn(usize, usize) -> f64) -> Vec<(usize, usize)> {
+        use terrane_base::geom::Point;
+        let (width, rows) = (160, 150);
+        let at = |v: usize| v as i32 * 100 + 50;
+        let z = |col: usize, row: usize| (col as f64 * 0.05 + on(col, row)) * 100.0;
+        let cells: Vec<_> = (0..width * rows).map(|k| (k % width, k / width)).collect();
+        let point =
+            |&(col, row): &(usize, usize)| Point::new(at(col), at(row), z(col, row).round() as i32);
+        let points: Vec<Point> = cells.iter().map(point).collect();
+        let lows = Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+        let ground = Asked::parse(asked).unwrap().find(&lows);
+        let is_in = |&(col, row): &(usize, usize)| {
+            (12..width - 12).contains(&col) && (12..rows - 12).contains(&row)
+        };
+        let is_ground = |(col, row): &(usize, usize)| {
+            ground.is_ground(*col, *row, [0.5; 2], point(&(*col, *row)).z)
+        };
+        cells.into_iter().filter(is_in).filter(is_ground).collect()
+    }
+
+    #[test]
+    fn a_roof_that_a_cloth_lies_down_on_is_no_ground_of_both() {
+        let is_roof = |col: usize, row: usize| (30..96).contains(&col) && (30..96).contains(&row);
+        let on = |col, row| if is_roof(col, row) { 8.0 } else { 0.0 };
+        let kept = kept("adaptive", on);
+        assert!(kept.iter().all(|&(col, row)| !is_roof(col, row)));
+        assert!(kept.len() > 136 * 126 - 66 * 66 - 400, "{}", kept.len());
+    }
+
+    #[test]
+    fn bushes_are_no_ground_of_triangulations() {
+        let is_bush = |col: usize, row: usize| col % 9 < 2 && row % 8 < 2;
+        let on = |col, row| if is_bush(col, row) { 1.2 } else { 0.0 };
+        for method in ["adaptive", "ptd"] {
+            let kept = kept(method, on);
+            let bushes = kept.iter().filter(|(col, row)| is_bush(*col, *row)).count();
+            assert!(bushes == 0 && kept.len() > 15_000, "{method}: {bushes} of {}", kept.len());
+        }
+    }
+
+    #[test]
+    fn a_cloth_that_is_mended_keeps_a_hill_that_a_stiff_one_cuts_off() {
+        let hill = |col: usize, row: usize| {
+            let away = (col as f64 - 80.0).hypot(row as f64 - 75.0);
+            (1.0 - away / 40.0).max(0.0) * 9.0
+        };
+        let is_top = |&&(col, row): &&(usize, usize)| hill(col, row) > 4.0;
+        let tops = |asked: &str| kept(asked, hill).iter().filter(is_top).count();
+        let [mended, cut] = ["csf:rigidness=3", "csf:rigidness=3,smooth=0"].map(tops);
+        assert!(mended > cut + 100, "{mended} {cut}");
+    }
+
     #[test]
     fn squares_are_as_large_as_cells_allow() {
         let sizes = |cell: f64| (Lattice::fixed(cell).core, Lattice::fixed(cell).halo);

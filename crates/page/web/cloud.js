@@ -147,23 +147,6 @@ function drawLegend() {
   if (colour === 2) drawRamp(Array.from({ length: 256 }, (_, i) => gray(i)), ...scene.strengths, '');
 }
 
-function drawHistogram() {
-  const [context, width, height] = plane($('histogram'));
-  const groups = 64;
-  const sums = Array.from({ length: groups }, (_, g) => scene.bins.slice(4 * g, 4 * g + 4).reduce((a, b) => a + b));
-  const most = Math.max(...sums) || 1;
-  sums.forEach((sum, g) => {
-    context.fillStyle = css(scene.ramp[4 * g + 2]);
-    const tall = (sum / most) * (height - 16);
-    context.fillRect((g / groups) * width, height - 14 - tall, width / groups - 0.6, tall);
-  });
-  context.fillStyle = '#5b6876';
-  const [low, high] = scene.heights.map((code) => num(heightOf(code), facts.told_steps[1]));
-  context.fillText(low, 0, height - 2);
-  const text = 'points by height, to ' + high + ' ' + facts.units[1];
-  context.fillText(text, width - context.measureText(text).width, height - 2);
-}
-
 // ---- what is where
 
 /** All that is known of a point. */
@@ -274,7 +257,7 @@ function resize() {
   fitView();
   setColour(shown.colour);
   setExaggeration(shown.exaggeration);
-  drawHistogram();
+  drawHeights(scene.bins, scene.ramp, scene.heights.map(heightOf), 'points');
   if (tool === null) tellPlace(null);
   dirty = true;
 }

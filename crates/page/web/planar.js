@@ -53,6 +53,23 @@ function heightRamp(bins, [low, high]) {
   });
 }
 
+/** The histogram of heights from `low` to `high`: what `bins` count, in 64 groups of their colours. */
+function drawHeights(bins, ramp, [low, high], counted) {
+  const [context, width, height] = plane($('histogram'));
+  const groups = 64;
+  const sums = Array.from({ length: groups }, (_, g) => bins.slice(4 * g, 4 * g + 4).reduce((a, b) => a + b));
+  const most = Math.max(...sums) || 1;
+  sums.forEach((sum, g) => {
+    context.fillStyle = css(ramp[4 * g + 2]);
+    const tall = (sum / most) * (height - 16);
+    context.fillRect((g / groups) * width, height - 14 - tall, width / groups - 0.6, tall);
+  });
+  context.fillStyle = '#5b6876';
+  context.fillText(num(low, facts.told_steps[1]), 0, height - 2);
+  const text = counted + ' by height, to ' + num(high, facts.told_steps[1]) + ' ' + facts.units[1];
+  context.fillText(text, width - context.measureText(text).width, height - 2);
+}
+
 // ---- controls
 
 function setExaggeration(value) {

@@ -78,22 +78,6 @@ function drawLegend() {
   drawRamp(scaleOf(colour), low, high, colour === 2 ? '°' : ' ' + facts.units[1]);
 }
 
-function drawHistogram() {
-  const [context, width, height] = plane($('histogram'));
-  const groups = 64;
-  const sums = Array.from({ length: groups }, (_, g) => scene.bins.slice(4 * g, 4 * g + 4).reduce((a, b) => a + b));
-  const most = Math.max(...sums) || 1;
-  sums.forEach((sum, g) => {
-    context.fillStyle = css(scene.heights[4 * g + 2]);
-    const tall = (sum / most) * (height - 16);
-    context.fillRect((g / groups) * width, height - 14 - tall, width / groups - 0.6, tall);
-  });
-  context.fillStyle = '#5b6876';
-  context.fillText(num(scene.bounds.z[0], facts.told_steps[1]), 0, height - 2);
-  const text = 'area by height, to ' + num(scene.bounds.z[1], facts.told_steps[1]) + ' ' + facts.units[1];
-  context.fillText(text, width - context.measureText(text).width, height - 2);
-}
-
 // ---- what is where
 
 /** The place of the surface under a pixel of the layout, or null. */
@@ -196,7 +180,7 @@ function resize() {
   setColour(shown.colour);
   setExaggeration(shown.exaggeration);
   setLight(shown.azimuth);
-  drawHistogram();
+  drawHeights(scene.bins, scene.heights, scene.bounds.z, 'area');
   if (profile) drawProfile();
   if (tool === null) tellPlace(null);
   dirty = true;
