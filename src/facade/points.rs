@@ -70,12 +70,12 @@ impl<'a> PointsBuilder<'a> {
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [path, high] = ["points.xyz", "high.csv"].map(|name| folder.path().join(name));
     /// use terrane::{Above, HeightsAs};
-    /// std::fs::write(&path, "x y z class\n0 0 1 2\n4 0 3 2\n0 4 1 2\n1 1 9 5\n").unwrap();
+    /// std::fs::write(&path, "x y z class\n0 0 1 2\n4 0 3 2\n0 4 1 2\n1 1 9.25 5\n").unwrap();
     /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
     /// let above = Above { heights: Some(HeightsAs::Z), ..Above::default() };
     /// cloud.points().above(above).write(&high)?;
     /// let text = std::fs::read_to_string(&high).unwrap();
-    /// assert!(text.lines().nth(4).unwrap().starts_with("1,1,7.5,")); // the ground is at 1.5 there
+    /// assert!(text.lines().nth(4).unwrap().starts_with("1,1,7.75,")); // the ground is at 1.5 there
     /// # Ok(())
     /// # }
     /// ```
