@@ -1,5 +1,4 @@
-//! Decoding compressed point clouds: the `laz` crate, and the decoder of this crate, with one chunk
-//! at a time and with two.
+//! Decoding compressed point clouds: the `laz` crate, and the decoder of this crate.
 //!
 //! `cargo bench --bench laz_decode [FILTER]`. One thread; x, y, z, class, returns and flags of points
 //! of formats 6 and 1, and whole records of formats 6, 7, 8, 1 and 3 (`elem/s` are points).
@@ -18,7 +17,7 @@ use terrane_cloud::lazip::{Chunk, Decoder, Fields, Item, Schema, Wanted};
 
 /// Points of a chunk, as LASzip has them.
 const CHUNK: usize = 50_000;
-/// Chunks, an even number.
+/// Chunks.
 const CHUNKS: usize = 8;
 
 /// Numbers that look random, from 0 to 1.
@@ -149,7 +148,7 @@ fn whole_records(c: &mut Criterion) {
         });
         let schema = schema(&items);
         let (mut decoder, mut fields) = (Decoder::new(), Fields::default());
-        group.bench_function("one chunk", |b| {
+        group.bench_function("ours", |b| {
             b.iter(|| {
                 for bytes in &chunks {
                     let chunk = Chunk { bytes, count: CHUNK };
@@ -184,23 +183,13 @@ fn chunks(c: &mut Criterion) {
         });
         let schema = schema(&items);
         let chunks: Vec<_> = chunks.iter().map(|bytes| Chunk { bytes, count: CHUNK }).collect();
-        let (mut decoder, mut fields) = (Decoder::new(), [Fields::default(), Fields::default()]);
-        group.bench_function("one chunk", |b| {
+        let (mut decoder, mut fields) = (Decoder::new(), Fields::default());
+        group.bench_function("ours", |b| {
             b.iter(|| {
                 for chunk in &chunks {
-                    fields[0].clear();
-                    let done = decoder.chunk(&schema, *chunk, Wanted::ALL, &mut fields[0]);
+                    fields.clear();
+                    let done = decoder.chunk(&schema, *chunk, Wanted::ALL, &mut fields);
                     done.expect("sound bytes");
-                    black_box(&fields);
-                }
-            });
-        });
-        group.bench_function("two chunks", |b| {
-            b.iter(|| {
-                for pair in chunks.as_chunks().0 {
-                    fields.iter_mut().for_each(Fields::clear);
-                    let done = decoder.pair(&schema, *pair, Wanted::ALL, &mut fields);
-                    assert_eq!(done, [Ok(()), Ok(())]);
                     black_box(&fields);
                 }
             });

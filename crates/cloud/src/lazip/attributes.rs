@@ -1,17 +1,17 @@
 //! What is learnt of a scanner channel's intensities, scan angles, user data, point sources and times
 //! while whole records of a layered chunk are decoded.
 
-use super::channel::RECORD;
 use super::coder::Coder;
 use super::integer::Integer;
 use super::machine::Machine;
 use super::model::Model;
-use super::rest::Trace;
+use super::point::RECORD;
 use super::returns::Returns;
 use super::streams::RestStreams;
 use super::time::Time;
+use super::trace::Trace;
 
-/// Everything learnt of a channel, beside what [`Channel`](super::channel::Channel) holds. A field whose
+/// Everything learnt of a channel, beside what the columns hold. A field whose
 /// stream is absent stays as it was.
 pub(super) struct Attributes {
     /// Whether the chunk had a point of this channel.

@@ -1,8 +1,8 @@
 //! The parts of a layered chunk: the first record, how many points there are, and the layers.
 
-use super::channel::RECORD;
 use super::coder::Coder;
 use super::machine::Plain;
+use super::point::RECORD;
 use super::schema::Layers;
 use super::streams::{RestStreams, Streams};
 use super::{Chunk, Damage, Layer, Wanted};

@@ -9,8 +9,6 @@ use std::hint::select_unpredictable;
 const MODELLED: u32 = 8;
 
 /// Decoder of integers that come in `C` circumstances.
-///
-/// An integer comes in three steps, so that the steps of several streams can take turns.
 pub(super) struct Integer<const C: usize> {
     /// How many bits the difference has, by circumstance.
     sizes: [Model<4>; C],
@@ -55,7 +53,7 @@ impl<const C: usize> Integer<C> {
     /// How many bits the next difference has.
     #[inline(always)]
     pub(super) fn size<M: Machine>(&mut self, coder: &mut Coder<M>, circumstance: usize) -> u32 {
-        coder.symbol(self.sizes[circumstance % C].ready(self.symbols)) as u32
+        coder.symbol(self.sizes[circumstance.min(C - 1)].ready(self.symbols)) as u32
     }
 
     /// The upper bits of a difference of `size` bits.

@@ -11,6 +11,9 @@ pub(super) trait Machine: Copy {
     /// Index of the last of ascending numbers that is at most `place`; the first always is.
     fn last_at_most(numbers: &Lanes, place: u16) -> usize;
 
+    /// For each number the value, but no less than its neighbour below and no more than that above.
+    fn put_between(numbers: &[i32; 8], neighbours: &[[u32; 8]; 2], value: i32) -> [i32; 8];
+
     /// Does some work, compiled for this machine.
     fn run<W: Work>(self, work: W) -> W::Result;
 }
@@ -40,6 +43,15 @@ impl Machine for Plain {
     fn last_at_most(numbers: &Lanes, place: u16) -> usize {
         let is_at_most = numbers.map(|number| u16::from(number <= place));
         usize::from(is_at_most.iter().sum::<u16>()).wrapping_sub(1)
+    }
+
+    #[inline(always)]
+    fn put_between(numbers: &[i32; 8], neighbours: &[[u32; 8]; 2], value: i32) -> [i32; 8] {
+        let [below, above] = neighbours;
+        std::array::from_fn(|i| {
+            let at = |neighbours: &[u32; 8]| numbers[neighbours[i] as usize & 7];
+            value.min(at(above)).max(at(below))
+        })
     }
 
     fn run<W: Work>(self, work: W) -> W::Result {
@@ -76,6 +88,12 @@ mod x86 {
             unsafe { last_at_most(numbers, place) }
         }
 
+        #[inline(always)]
+        fn put_between(numbers: &[i32; 8], neighbours: &[[u32; 8]; 2], value: i32) -> [i32; 8] {
+            // SAFETY: called by work that `run` does for a machine that was found.
+            unsafe { put_between(numbers, neighbours, value) }
+        }
+
         fn run<W: Work>(self, work: W) -> W::Result {
             // SAFETY: `self` was found.
             unsafe { run(self, work) }
@@ -95,5 +113,15 @@ mod x86 {
         let is_at_most = _mm256_cmpeq_epi16(_mm256_min_epu16(numbers, places), numbers);
         let mask = _mm256_movemask_epi8(is_at_most);
         (mask.count_ones() as usize / 2).wrapping_sub(1)
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,movbe,popcnt")]
+    fn put_between(numbers: &[i32; 8], neighbours: &[[u32; 8]; 2], value: i32) -> [i32; 8] {
+        let numbers: __m256i = bytemuck::cast(*numbers);
+        let [below, above] = neighbours
+            .map(|neighbours| _mm256_permutevar8x32_epi32(numbers, bytemuck::cast(neighbours)));
+        let value = _mm256_min_epi32(_mm256_set1_epi32(value), above);
+        bytemuck::cast(_mm256_max_epi32(value, below))
     }
 }

@@ -1,40 +1,88 @@
 //! The middle of recent values.
 
-use std::hint::select_unpredictable;
+use super::machine::Machine;
 
-/// Five values in order. One that comes in drives out the largest or the smallest, by turns.
+/// Five values in order, between the least and the largest number there is. One that comes in drives out
+/// the largest or the smallest, by turns.
 #[derive(Clone, Copy)]
+#[repr(align(32))]
 pub(super) struct Median {
-    values: [i32; 5],
+    values: [i32; 8],
     drops_largest: bool,
 }
+
+/// Where the neighbours of each value below and above it are, once the smallest or the largest is gone.
+const NEIGHBOURS: [[[u32; 8]; 2]; 2] = [
+    [[0, 0, 2, 3, 4, 5, 6, 6], [0, 2, 3, 4, 5, 6, 6, 6]],
+    [[0, 0, 1, 2, 3, 4, 6, 6], [0, 1, 2, 3, 4, 6, 6, 6]],
+];
 
 impl Median {
     /// Five zeros.
     pub(super) const fn new() -> Self {
-        Self { values: [0; 5], drops_largest: true }
+        Self { values: [i32::MIN, 0, 0, 0, 0, 0, i32::MAX, i32::MAX], drops_largest: true }
     }
 
-    /// The middle value.
+    /// Goes by the middle value and `difference`; returns how far that is.
     #[inline(always)]
-    pub(super) fn get(&self) -> i32 {
-        self.values[2]
+    pub(super) fn go<M: Machine>(&mut self, difference: i32) -> i32 {
+        let middle = self.values[3];
+        let value = middle.wrapping_add(difference);
+        let neighbours = &NEIGHBOURS[usize::from(self.drops_largest)];
+        self.drops_largest = (value < middle) | (!self.drops_largest & (value == middle));
+        self.values = M::put_between(&self.values, neighbours, value);
+        value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::machine::{Plain, Work, run};
+    use super::*;
+
+    /// Takes values in; the middle after each.
+    struct Middles<'a>(&'a [i32]);
+
+    impl Work for Middles<'_> {
+        type Result = Vec<i32>;
+
+        fn work<M: Machine>(self, _: M) -> Vec<i32> {
+            let mut median = Median::new();
+            let mut put = |value: i32| {
+                median.go::<M>(value.wrapping_sub(median.values[3]));
+                median.values[3]
+            };
+            self.0.iter().map(|&value| put(value)).collect()
+        }
     }
 
-    /// Takes a value in.
-    #[inline(always)]
-    pub(super) fn add(&mut self, value: i32) {
-        let [a, b, c, d, e] = self.values;
-        let drops_largest = self.drops_largest;
-        let kept = [(a, b), (b, c), (c, d), (d, e)]
-            .map(|(left, right)| select_unpredictable(drops_largest, left, right));
-        self.drops_largest = (value < c) | (!drops_largest & (value == c));
-        self.values = [
-            value.min(kept[0]),
-            value.min(kept[1]).max(kept[0]),
-            value.min(kept[2]).max(kept[1]),
-            value.min(kept[3]).max(kept[2]),
-            value.max(kept[3]),
-        ];
+    /// The same by sorting.
+    fn sorted(values: &[i32]) -> Vec<i32> {
+        let (mut kept, mut drops_largest) = (vec![0; 5], true);
+        let mut put = |value: i32| {
+            let middle = kept[2];
+            kept.remove(if drops_largest { 4 } else { 0 });
+            drops_largest = value < middle || !drops_largest && value == middle;
+            kept.push(value);
+            kept.sort_unstable();
+            kept[2]
+        };
+        values.iter().map(|&value| put(value)).collect()
+    }
+
+    #[test]
+    fn the_middle_is_that_of_sorted_values() {
+        let (least, most) = (i32::MIN, i32::MAX);
+        let mut state = 1_u64;
+        let mut any = || {
+            state = state.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(9);
+            let spread = 1 << (state >> 58 & 31);
+            ((state >> 30) as i32).checked_rem(spread).unwrap_or(0)
+        };
+        let mut values: Vec<i32> = (0..5000).map(|_| any()).collect();
+        values.extend([least, most, least, least, least, 0, most, most, most, -1, 1, 1, 1, 1]);
+        let expected = sorted(&values);
+        assert_eq!(run(Middles(&values)), expected);
+        assert_eq!(Middles(&values).work(Plain), expected);
     }
 }

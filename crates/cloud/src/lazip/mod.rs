@@ -6,9 +6,8 @@
 //! and points it is given.
 //!
 //! Most of the time of decoding is spent waiting: each symbol narrows an interval that the next one
-//! depends on. So symbols are found without branches that depend on them, and streams that do not
-//! depend on each other take turns: the layers of a chunk, and two chunks at a time where the caller
-//! has two (see [`Decoder::pair`]).
+//! depends on. So symbols are found without branches that depend on them, and each layer is decoded in a
+//! loop of its own, whose state stays in registers.
 //!
 //! The layers that a filter needs are decoded into columns, some thousand points at a time, so that
 //! memory does not depend on what a chunk claims. The layers that only whole records need follow once it
@@ -28,18 +27,21 @@
 
 mod attributes;
 mod body;
-mod channel;
+mod channels;
 mod coder;
 mod colour;
 mod follow;
+mod heights;
 mod integer;
-mod lane;
 mod layered;
 mod machine;
+mod marks;
 mod median;
 mod model;
 mod old;
 mod packet;
+mod places;
+mod point;
 mod pointwise;
 mod rest;
 mod returns;
@@ -47,9 +49,10 @@ mod schema;
 mod streams;
 mod tails;
 mod time;
+mod trace;
 
-use channel::Point;
 use layered::Layered;
+use point::Point;
 use pointwise::Pointwise;
 use schema::Layout;
 use std::fmt;
@@ -126,6 +129,16 @@ impl Fields {
         self.returns.truncate(points);
         self.flags.truncate(points);
         self.records.truncate(bytes);
+    }
+
+    /// Makes room for `count` more points, which are still to be filled in; returns the first.
+    fn grow(&mut self, count: usize) -> usize {
+        let (from, to) = (self.len(), self.len() + count);
+        self.places.resize(to, [0; 3]);
+        self.classes.resize(to, 0);
+        self.returns.resize(to, 0);
+        self.flags.resize(to, 0);
+        from
     }
 
     fn reserve(&mut self, count: usize) {
@@ -228,11 +241,11 @@ impl fmt::Display for Damage {
     }
 }
 
-/// Decodes chunks; one per thread, used again and again. It keeps some 2 MiB, once whole records were
-/// wanted some 4 MiB, and for each extra byte a KiB in each scanner channel that there was.
+/// Decodes chunks; one per thread, used again and again. It keeps some 1 MiB, once whole records were
+/// wanted some 2 MiB, and for each extra byte a KiB in each scanner channel that there was.
 #[derive(Default)]
 pub struct Decoder {
-    layered: [Layered; 2],
+    layered: Layered,
     pointwise: Pointwise,
 }
 
@@ -269,10 +282,9 @@ impl Decoder {
         chunk: Chunk<'a>,
         wanted: Wanted,
     ) -> Result<Stream<'d, 'a>, Damage> {
-        let [layered, _] = &mut self.layered;
         Ok(Stream(match &schema.layout {
             Layout::Layered(layers) => {
-                Way::Layered(layered::Run::new(layered, layers, chunk, wanted)?)
+                Way::Layered(layered::Run::new(&mut self.layered, layers, chunk, wanted)?)
             }
             Layout::Pointwise(records) => {
                 let run = pointwise::Run::new(&mut self.pointwise, records, chunk.bytes, wanted)?;
@@ -297,35 +309,6 @@ impl Decoder {
         };
         let run = pointwise::Run::new(&mut self.pointwise, records, bytes, wanted)?;
         Ok((Flow(&mut self.pointwise, run.with(&[])), run.left()))
-    }
-
-    /// Appends the points of two chunks to `fields`, each to its own: the same as decoding one after
-    /// the other, but in less time where fields are layers and the counts are alike.
-    ///
-    /// # Errors
-    /// As for [`chunk`](Self::chunk), for each chunk.
-    pub fn pair(
-        &mut self,
-        schema: &Schema,
-        chunks: [Chunk; 2],
-        wanted: Wanted,
-        fields: &mut [Fields; 2],
-    ) -> [Result<(), Damage>; 2] {
-        let counts = chunks.map(|chunk| chunk.count);
-        if let Layout::Layered(layers) = &schema.layout
-            && !counts.contains(&0)
-        {
-            let [first, second] = &mut self.layered;
-            let [one, other] = chunks;
-            let first = layered::Run::new(first, layers, one, wanted);
-            let second = layered::Run::new(second, layers, other, wanted);
-            if let (Ok(first), Ok(second)) = (first, second) {
-                let before = fields.each_ref().map(Fields::mark);
-                let done = layered::read_two(&mut [first, second], counts, fields);
-                return [0, 1].map(|i| done[i].inspect_err(|_| fields[i].truncate(before[i])));
-            }
-        }
-        [0, 1].map(|i| self.chunk(schema, chunks[i], wanted, &mut fields[i]))
     }
 }
 

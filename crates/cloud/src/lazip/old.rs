@@ -1,11 +1,11 @@
 //! The part that all records of point formats 0 to 5 share, in its two versions.
 
-use super::channel::Point;
 use super::coder::Coder;
 use super::integer::Integer;
 use super::machine::Machine;
 use super::median::Median;
 use super::model::Model;
+use super::point::Point;
 use super::returns::Returns;
 
 /// Bytes of that part.
@@ -69,7 +69,6 @@ impl First {
             returns: self.returns(),
             class: self.class & 31,
             flags: self.class >> 5 | self.bits >> 2 & 0x30,
-            is_later: false,
         }
     }
 }
@@ -200,9 +199,7 @@ impl Old {
         let (y, y_size) = self.y.next(coder, detail | is_single);
         let detail = (((x_size + y_size) / 2) & !1).min(18) as usize;
         let (z, _) = self.z.next(coder, detail | is_single);
-        let step = [x_steps.get().wrapping_add(x), y_steps.get().wrapping_add(y)];
-        x_steps.add(step[0]);
-        y_steps.add(step[1]);
+        let step = [x_steps.go::<M>(x), y_steps.go::<M>(y)];
         let height = &mut self.heights[returns.depth()];
         *height = height.wrapping_add(z);
         let [last_x, last_y, _] = self.last.place;

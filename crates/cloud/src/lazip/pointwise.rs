@@ -1,10 +1,10 @@
 //! Chunks of point formats 0 to 5: one stream, record after record.
 
-use super::channel::Point;
 use super::coder::Coder;
 use super::follow::Follow;
 use super::machine::{Machine, Plain, Work, run};
 use super::old::{First, OLD_RECORD, Old};
+use super::point::Point;
 use super::schema::{self, Item};
 use super::{Damage, Fields, Layer, Wanted};
 

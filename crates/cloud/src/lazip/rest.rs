@@ -3,58 +3,14 @@
 
 use super::attributes::Heads;
 use super::body::Body;
-use super::channel::{ANGLE, CHANNEL, RECORD, SOURCE, TIME};
 use super::machine::{Machine, Plain, Work, run};
+use super::point::RECORD;
 use super::returns::Returns;
 use super::schema::Layers;
 use super::streams::RestStreams;
 use super::tails::Tails;
+use super::trace::Trace;
 use super::{Damage, Fields};
-
-/// What the other layers have to know of a point: its scanner channel, and what differs from the point
-/// before it in the channel.
-#[derive(Clone, Copy)]
-pub(super) struct Trace(u8);
-
-impl Trace {
-    /// From the symbol that says what differs.
-    #[inline(always)]
-    pub(super) fn new(changes: usize, channel: usize) -> Self {
-        Self((changes & (CHANNEL | SOURCE | TIME | ANGLE) | channel & 3) as u8)
-    }
-
-    #[inline(always)]
-    fn has(self, change: usize) -> bool {
-        usize::from(self.0) & change != 0
-    }
-
-    #[inline(always)]
-    pub(super) fn channel(self) -> usize {
-        usize::from(self.0 & 3)
-    }
-
-    /// Whether the point before it was in another channel.
-    #[inline(always)]
-    pub(super) fn is_other_channel(self) -> bool {
-        self.has(CHANNEL)
-    }
-
-    /// Whether the time differs.
-    #[inline(always)]
-    pub(super) fn is_later(self) -> bool {
-        self.has(TIME)
-    }
-
-    #[inline(always)]
-    pub(super) fn has_other_angle(self) -> bool {
-        self.has(ANGLE)
-    }
-
-    #[inline(always)]
-    pub(super) fn has_other_source(self) -> bool {
-        self.has(SOURCE)
-    }
-}
 
 /// What is kept from chunk to chunk, to be used again.
 pub(super) struct Room {

@@ -3,9 +3,9 @@
 use super::Layer;
 use super::follow::Follow;
 use super::machine::Machine;
-use super::rest::Trace;
 use super::schema::Layers;
 use super::streams::RestStreams;
+use super::trace::Trace;
 
 /// The version that takes the first channel for that of every point but those where the channel changes,
 /// and then still goes on from the last values of the channel before, unless the channel is new.

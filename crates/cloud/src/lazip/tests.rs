@@ -204,41 +204,6 @@ fn only_wanted_fields_are_decoded() {
 }
 
 #[test]
-fn two_chunks_at_a_time_are_as_one_after_the_other() {
-    let (items, size) = items(7, 1);
-    let schema = schema(&items);
-    let mut decoder = Decoder::new();
-    for counts in [[0, 5], [5, 0], [1, 1], [1, 900], [900, 300], [700, 700]] {
-        let records = [0, 1].map(|i| new_records(STYLES[2 * i], size, counts[i], 5 + i as u64));
-        let bytes = records.each_ref().map(|records| compress(&items, records));
-        let chunks = [0, 1].map(|i| Chunk { bytes: &bytes[i], count: counts[i] });
-        let mut fields = [Fields::default(), Fields::default()];
-        assert_eq!(decoder.pair(&schema, chunks, Wanted::ALL, &mut fields), [Ok(()), Ok(())]);
-        assert!(fields == records.each_ref().map(|r| new_fields(r, size)), "{counts:?}");
-    }
-}
-
-#[test]
-fn damage_in_one_of_two_chunks_leaves_the_other() {
-    let (items, size) = items(6, 0);
-    let schema = schema(&items);
-    let records = new_records(Style::Walk, size, 300, 1);
-    let good = compress(&items, &records);
-    let short = &good[..good.len() / 3];
-    let mut decoder = Decoder::new();
-    for bytes in [[&good[..], short], [short, &good]] {
-        let mut fields = [Fields::default(), Fields::default()];
-        let chunks = bytes.map(|bytes| Chunk { bytes, count: 300 });
-        let done = decoder.pair(&schema, chunks, Wanted::ALL, &mut fields);
-        for ((bytes, done), fields) in bytes.iter().zip(done).zip(fields) {
-            let is_good = bytes.len() == good.len();
-            assert_eq!(done, if is_good { Ok(()) } else { Err(Damage::Short) });
-            assert_eq!(fields.len(), if is_good { 300 } else { 0 });
-        }
-    }
-}
-
-#[test]
 fn a_stream_that_ends_early_is_named() {
     let (items, size) = items(6, 0);
     let schema = schema(&items);

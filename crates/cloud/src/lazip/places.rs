@@ -1,0 +1,177 @@
+//! The column of places: x, y and return numbers, and what changes from point to point.
+
+use super::channels::{Channels, State};
+use super::coder::Coder;
+use super::integer::Integer;
+use super::machine::Machine;
+use super::median::Median;
+use super::model::Model;
+use super::point::Point;
+use super::returns::Returns;
+use super::trace::{CHANNEL, TIME, Trace};
+
+/// Bits of the symbol that says what differs from the point before.
+const OF: usize = 1 << 2;
+const NUMBER: usize = 3;
+
+/// Where a point is, and what else is told with it.
+pub(super) struct Place {
+    pub(super) place: [i32; 2],
+    pub(super) returns: Returns,
+    pub(super) trace: Trace,
+}
+
+/// What is learnt of places.
+pub(super) struct Places {
+    channels: Channels<Channel>,
+    current: usize,
+}
+
+impl Places {
+    pub(super) fn new() -> Self {
+        Self { channels: Channels::new(), current: 0 }
+    }
+
+    /// Begins a chunk whose first point is in `channel`.
+    pub(super) fn begin(&mut self, channel: usize, first: &Point) {
+        self.current = channel;
+        self.channels.begin(
+            channel,
+            Last { place: [first.place[0], first.place[1]], returns: first.returns },
+        );
+    }
+
+    /// The next point.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>) -> Place {
+        let mut channel = self.channels.get(self.current);
+        let changes = channel.changes(coder);
+        if changes & CHANNEL != 0 {
+            let (from, last) = (self.current, channel.last);
+            self.current = (from + 1 + channel.step(coder)) & 3;
+            channel = self.channels.switch(self.current, last);
+        }
+        let spread = channel.next(coder, changes);
+        let Last { place, returns } = channel.last;
+        Place { place, returns, trace: Trace::new(changes, self.current, spread) }
+    }
+}
+
+/// The last point of a channel.
+#[derive(Clone, Copy, Default)]
+struct Last {
+    place: [i32; 2],
+    returns: Returns,
+}
+
+/// What is learnt of a channel.
+struct Channel {
+    last: Last,
+    /// Whether its time differs from that of the point before it.
+    is_later: bool,
+    /// Recent steps along x and y, by group of returns and change of time.
+    steps: [[Median; 2]; 16],
+    changes: [Model<8>; 8],
+    channel: Model<1>,
+    of: [Model<1>; 16],
+    number: [Model<1>; 16],
+    number_same_time: Model<1>,
+    x: Integer<2>,
+    y: Integer<22>,
+}
+
+impl State for Channel {
+    type Last = Last;
+
+    fn new() -> Self {
+        Self {
+            last: Last::default(),
+            is_later: false,
+            steps: [[const { Median::new() }; 2]; 16],
+            changes: [const { Model::new() }; 8],
+            channel: Model::new(),
+            of: [const { Model::new() }; 16],
+            number: [const { Model::new() }; 16],
+            number_same_time: Model::new(),
+            x: Integer::new(32),
+            y: Integer::new(32),
+        }
+    }
+
+    fn begin(&mut self, last: Last) {
+        self.last = last;
+        self.is_later = false;
+        self.steps = [[Median::new(); 2]; 16];
+        self.changes.iter_mut().for_each(Model::clear);
+        self.channel.clear();
+        self.of.iter_mut().for_each(Model::clear);
+        self.number.iter_mut().for_each(Model::clear);
+        self.number_same_time.clear();
+        self.x.clear();
+        self.y.clear();
+    }
+}
+
+impl Channel {
+    /// Symbol that says what differs from the last point.
+    #[inline(always)]
+    fn changes<M: Machine>(&mut self, coder: &mut Coder<M>) -> usize {
+        let returns = self.last.returns;
+        let kind = usize::from(returns.is_first())
+            | usize::from(returns.is_last()) << 1
+            | usize::from(self.is_later) << 2;
+        coder.symbol(self.changes[kind].ready(128))
+    }
+
+    /// How many channels on the next point is, less one.
+    #[inline(always)]
+    fn step<M: Machine>(&mut self, coder: &mut Coder<M>) -> usize {
+        coder.symbol(self.channel.ready(3))
+    }
+
+    /// Goes on to the next point; returns the circumstance that its height comes in.
+    #[inline(always)]
+    fn next<M: Machine>(&mut self, coder: &mut Coder<M>, changes: usize) -> usize {
+        let returns = self.returns(coder, changes);
+        self.last.returns = returns;
+        self.is_later = changes & TIME != 0;
+        let is_single = usize::from(returns.is_single());
+        let steps = &mut self.steps[(returns.group() << 1 | usize::from(self.is_later)) & 15];
+
+        let (x, x_size) = self.x.next(coder, is_single);
+        let x = steps[0].go::<M>(x);
+        let detail = (x_size & !1).min(20) as usize;
+        let (y, y_size) = self.y.next(coder, detail | is_single);
+        let y = steps[1].go::<M>(y);
+
+        let [before_x, before_y] = self.last.place;
+        self.last.place = [before_x.wrapping_add(x), before_y.wrapping_add(y)];
+        ((x_size + y_size) / 2 & !1).min(18) as usize | is_single
+    }
+
+    /// Return numbers of the next point.
+    #[inline(always)]
+    fn returns<M: Machine>(&mut self, coder: &mut Coder<M>, changes: usize) -> Returns {
+        let last = self.last.returns;
+        let of = match changes & OF {
+            0 => last.of(),
+            _ => coder.symbol(self.of[usize::from(last.of())].ready(16)) as u8,
+        };
+        let number = match changes & NUMBER {
+            NUMBER => self.other_number(coder, changes & TIME != 0),
+            // The same, one more, one less.
+            change => last.number() + [0, 1, 15][change],
+        };
+        Returns::new(number, of)
+    }
+
+    /// A return number that is neither the last nor next to it.
+    #[inline(always)]
+    fn other_number<M: Machine>(&mut self, coder: &mut Coder<M>, is_later: bool) -> u8 {
+        let last = self.last.returns.number();
+        match is_later {
+            true => coder.symbol(self.number[usize::from(last)].ready(16)) as u8,
+            false => coder.symbol(self.number_same_time.ready(13)) as u8 + last + 2,
+        }
+    }
+}

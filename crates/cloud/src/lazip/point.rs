@@ -1,0 +1,31 @@
+//! A point, as far as columns hold it.
+
+use super::returns::Returns;
+
+/// Bytes of the part of a record that formats 6 to 10 share.
+pub(super) const RECORD: usize = 30;
+
+/// The fields of a point.
+#[derive(Clone, Copy)]
+pub(super) struct Point {
+    pub(super) place: [i32; 3],
+    pub(super) returns: Returns,
+    pub(super) class: u8,
+    /// Synthetic, key point, withheld, overlap; then scan direction and edge of flight line.
+    pub(super) flags: u8,
+}
+
+impl Point {
+    /// The point of a record, and its scanner channel.
+    pub(super) fn new(record: &[u8; RECORD]) -> (Self, usize) {
+        let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
+        let flags = record[15];
+        let point = Self {
+            place: [axis(0), axis(4), axis(8)],
+            returns: Returns(record[14]),
+            class: record[16],
+            flags: flags & 15 | flags >> 2 & 0x30,
+        };
+        (point, usize::from(flags >> 4 & 3))
+    }
+}
