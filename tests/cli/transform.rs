@@ -354,7 +354,7 @@ fn what_cannot_be_done_is_refused_by_name_and_nothing_is_written() {
         }
     }
     let tin = ["tin", "dem.asc", "z.ply", "--max-error", "2", "--to-crs", "EPSG:4326"];
-    for more in [&["--verify"][..], &["--workdir", "w"], &["--split", "1"]] {
+    for more in [&["--verify"][..], &["--split", "1"]] {
         place.fails(&[&tin[..], more].concat(), 2, &["--to-crs"]);
     }
     place.fails(
@@ -365,6 +365,27 @@ fn what_cannot_be_done_is_refused_by_name_and_nothing_is_written() {
     place.ok(&["synth", "cloud,size=20,density=1,seed=1", "c.las", "-q"]);
     let cloud = ["tin", "c.las", "z.ply", "--max-error", "1", "--to-crs", "EPSG:4326"];
     place.fails(&cloud, 2, &["--to-crs is for grids"]);
+}
+
+#[test]
+fn plans_of_meshes_lead_elsewhere_as_well() {
+    let place = place();
+    place.write("g.gtx", geoid(49.5));
+    let to =
+        ["--max-error", "2", "--tile", "16", "--to-crs", "EPSG:4979", "--geoid", "g.gtx", "-q"];
+    place.ok(&[&["tin", "dem.asc", "whole.ply"], &to[..]].concat());
+    place.ok(&[&["tin", "dem.asc", "again.ply", "--workdir", "w"], &to[..]].concat());
+    assert!(place.bytes("again.ply") == place.bytes("whole.ply"));
+    assert_eq!(place.bytes("again.prj"), place.bytes("whole.prj"));
+
+    let cut = ["--strip-rows", "2"];
+    place.ok(&[&["plan", "tin", "dem.asc", "-o", "work"], &to[..], &cut].concat());
+    // Tasks know nothing of it, so those of another system are as good.
+    place.ok(&["run", "work", "-q"]);
+    assert!(place.bytes("work/mesh.ply") == place.bytes("whole.ply"));
+    place.fails(&["finish", "work", "blocks", "--split", "1"], 2, &["--to-crs"]);
+    place.write("g.gtx", geoid(50.0));
+    place.fails(&["finish", "work", "late.ply"], 65, &["g.gtx"]);
 }
 
 #[test]

@@ -7,17 +7,17 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Resources, geoid};
+use crate::{Resources, beside, geoid};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
 use terrane_crs::{Operation, Options, ShiftGrid};
-use terrane_files::RawFile;
+use terrane_files::{RawFile, name_of, path_of};
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridInfo;
 use terrane_vector::{Coordinates, Feature, FeatureSink, Member, Written};
 
 /// The system that an output is to be in, and what leads there.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Transform {
     /// The system: a code ("EPSG:4326", "EPSG:6339+6360") or well-known text.
     pub target: String,
@@ -56,6 +56,23 @@ impl Transform {
     /// To a system by its code or text.
     pub fn to(target: impl Into<String>) -> Self {
         Self { target: target.into(), ..Self::default() }
+    }
+
+    /// The same, wherever the program stands.
+    pub(crate) fn absolute(&self) -> Result<Self> {
+        let absolute = |path: &Option<PathBuf>| {
+            let name = path.clone().map(name_of).transpose()?;
+            let name = name.as_deref().map(beside::absolute).transpose()?;
+            Ok::<_, Error>(name.as_deref().map(|name| path_of(name).into_owned()))
+        };
+        let (shift_grid, geoid) = (absolute(&self.shift_grid)?, absolute(&self.geoid)?);
+        Ok(Self { shift_grid, geoid, ..self.clone() })
+    }
+
+    /// The least memory that its files may be held in.
+    pub(crate) fn least_memory(&self) -> u64 {
+        let bytes = |path: &Path| path.metadata().map_or(0, |file| file.len());
+        self.files().map(bytes).max().unwrap_or(0).saturating_mul(SHARE)
     }
 
     /// The files that are read for it.

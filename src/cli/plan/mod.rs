@@ -9,7 +9,7 @@ use clap::Subcommand;
 
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, many, names, parse};
+use crate::cli::shared::{Outcome, args, many, names, parse, system};
 use crate::cli::{grid, tiles, tin};
 use crate::error::{Error, Result};
 use crate::files::path_of;
@@ -56,6 +56,8 @@ struct TinArgs {
     /// Mesh format
     #[arg(short, long, value_name = "NAME", default_value = "PLY", help_heading = "Output")]
     format: String,
+    #[command(flatten)]
+    system: system::System,
     #[command(flatten)]
     method: tin::Method,
     /// Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]
@@ -193,6 +195,7 @@ fn job(args: &TinArgs) -> Result<PlanJob<TinJob>> {
         format: Some(format.name.to_owned()),
         refinement: args.method.refinement(),
         tile: args.method.tile(),
+        transform: args.system.transform()?,
         ..TinJob::new(args.input.clone(), args.folder.join("mesh"), Goal::MaxError(args.max_error))
     };
     let folder = args.folder.clone();

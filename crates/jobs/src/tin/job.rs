@@ -68,7 +68,7 @@ pub struct TinJob {
     #[serde(skip)]
     pub placing: Placing,
     /// The system to write in; that of the grid when `None`.
-    #[serde(skip)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<Transform>,
     /// What to reach.
     #[serde(flatten)]

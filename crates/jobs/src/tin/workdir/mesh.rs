@@ -24,6 +24,7 @@ use crate::tin::report::TinReport;
 use crate::tin::run::{save, write};
 use crate::tin::tally::Tally;
 use crate::tin::worker::Stock;
+use crate::transform::Transform;
 use terrane_base::error::Result;
 use terrane_base::limits;
 use terrane_mesh as mesh;
@@ -89,6 +90,7 @@ impl Mesh {
             job.refinement.worker_bytes(job.goal, strips.layout().side(), follows)
         };
         let thread_memory = worker + opened.kept.bytes();
+        let led = job.transform.as_ref().map_or(0, Transform::least_memory);
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
         let samples = self.grid.samples();
@@ -99,7 +101,7 @@ impl Mesh {
         };
         let whole = seconds(samples, nanoseconds(size.vertices as f64 / samples as f64), 1);
         Ok(Needs {
-            memory: memory::least(thread_memory, opened.source.block_bytes()),
+            memory: memory::least(thread_memory, opened.source.block_bytes()).max(led),
             thread_memory,
             objects: strips.tasks().map(object).sum(),
             output: (opened.format.most)().file_bytes(size.vertices, size.triangles),
@@ -249,7 +251,8 @@ impl Work for Mesh {
 /// The files that `job` reads: those behind its input, polygons, points and lines to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let kept = job.refinement.files().into_iter().flatten().flat_map(beside::files);
-    plan::grid_files(&job.input, &job.reading, source).into_iter().chain(kept).collect()
+    let led = job.transform.iter().flat_map(Transform::files).map(Path::to_path_buf);
+    plan::grid_files(&job.input, &job.reading, source).into_iter().chain(kept).chain(led).collect()
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ use super::report::{Clock, StageReport, TinReport};
 use crate::beside;
 use crate::plan::{self, DiskCheck, PLAN, Plan};
 use crate::sift::Skipped;
+use crate::transform::Transform;
 use crate::{Cancel, Progress};
 use mesh::Mesh;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -102,11 +103,6 @@ fn plan_checked(
     cancel: &Cancel,
 ) -> Result<StatusReport> {
     job.job.goal.check()?;
-    if job.job.transform.is_some() {
-        return Err(
-            Error::usage("a plan keeps to the system of its grid").remedy("leave --to-crs out")
-        );
-    }
     if !matches!(job.job.goal, Goal::MaxError(_)) {
         return Err(budget());
     }
@@ -119,8 +115,9 @@ fn plan_checked(
         breaklines: absolute(&asked.breaklines)?,
         ..asked.clone()
     };
+    let transform = job.job.transform.as_ref().map(Transform::absolute).transpose()?;
     let input = job.job.input.resolve()?;
-    let tin = TinJob { input, reading, refinement, ..job.job.clone() };
+    let tin = TinJob { input, reading, refinement, transform, ..job.job.clone() };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
