@@ -7,7 +7,9 @@
 
 mod adaptive;
 mod csf;
+mod densify;
 pub mod filter;
+mod frame;
 mod grid;
 mod lows;
 mod method;
