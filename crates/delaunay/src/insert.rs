@@ -231,7 +231,8 @@ mod tests {
                 })
             };
             let sites: Vec<Site> = points.iter().map(|p| [p.x, p.y]).collect();
-            let middle = |i: usize, k: usize| [0, 1].map(|axis| (sites[i][axis] + sites[k][axis]) / 2);
+            let middle =
+                |i: usize, k: usize| [0, 1].map(|axis| (sites[i][axis] + sites[k][axis]) / 2);
             let count = sites.len();
             let between = (0..count * count).map(|k| middle(k / count, k % count));
             for at in sites.iter().copied().chain(between) {

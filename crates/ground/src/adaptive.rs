@@ -10,7 +10,7 @@
 //! near its surface are ground, the further off the steeper it is.
 
 use crate::csf::{Cloth, settled};
-use crate::densify::{Cells, Limits, densified};
+use crate::densify::{Cells, Limits, WIDEST, densified};
 use crate::lows::Lows;
 use crate::method::{Asked, Lattice, Method};
 use crate::surface::Ground;
@@ -20,7 +20,7 @@ pub(crate) const METHOD: Method = Method {
     source: "ours, after Zhang and others 2016 and Axelsson 2000",
     about: "a cloth and a triangulation that check each other; what auto takes",
     parameters: &[],
-    lattice: |_, spacing| Lattice::fixed(spacing.max(1.0)),
+    lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)),
     find,
 };
 

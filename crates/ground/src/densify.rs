@@ -7,6 +7,8 @@ use terrane_base::geom::Point;
 
 /// Millimetres to a metre.
 pub(crate) const MILLI: f64 = 1000.0;
+/// Widest cell in metres: millimetres of a square of the lattice have 32 bits.
+pub(crate) const WIDEST: f64 = 1000.0;
 /// Most times that points are taken in.
 const ROUNDS: usize = 64;
 
@@ -102,14 +104,11 @@ struct Waiting {
 /// Heights in metres at the centres of cells, and of those beside the window, of the triangulation of the
 /// seeds and of all points that can be reached from them; NaN where there are no seeds.
 pub(crate) fn densified(cells: &Cells, seeds: &[usize], limits: &Limits) -> Vec<f64> {
-    let none = || vec![f64::NAN; (cells.width + 2) * (cells.rows() + 2)];
-    match Densifying::new(cells, seeds, limits) {
-        Some(mut densifying) => {
-            densifying.run();
-            densifying.surface()
-        }
-        None => none(),
-    }
+    let Some(mut densifying) = Densifying::new(cells, seeds, limits) else {
+        return vec![f64::NAN; (cells.width + 2) * (cells.rows() + 2)];
+    };
+    densifying.run();
+    densifying.surface()
 }
 
 struct Densifying<'a> {
@@ -129,21 +128,16 @@ impl<'a> Densifying<'a> {
         let mut frame = Frame::new(cells);
         let known: Vec<Point> = seeds.iter().filter_map(|&at| cells.points[at]).collect();
         known.iter().for_each(|point| frame.see(point));
-        let mut is_seed = vec![false; cells.points.len()];
-        seeds.iter().for_each(|&at| is_seed[at] = true);
-        let waits = |at: &usize| !is_seed[*at] && cells.points[*at].is_some();
-        let waiting: Vec<_> = (0..cells.points.len())
-            .filter(waits)
-            .map(|at| Waiting { at: at as u32, triangle: 0 })
-            .collect();
         let ground = known.len();
         let vertices = frame.vertices().into_iter().chain(known).collect();
-        let tin = Tin::new(vertices, waiting.len()).filter(|_| ground > 0)?;
+        let all = cells.points.iter().flatten().count();
+        let tin = Tin::new(vertices, all - ground).filter(|_| ground > 0)?;
+        let waiting = waiting(cells, seeds, &tin);
         let stale = vec![true; tin.numbers()];
-        let mut found =
+        let mut made =
             Self { cells, limits, frame, tin, ground, waiting, stale, outer: Vec::new() };
-        found.outer = (0..found.tin.numbers() as u32).map(|t| found.is_outer(t)).collect();
-        Some(found)
+        made.outer = (0..made.tin.numbers() as u32).map(|t| made.is_outer(t)).collect();
+        Some(made)
     }
 
     fn run(&mut self) {
@@ -171,19 +165,17 @@ impl<'a> Densifying<'a> {
     fn found(&mut self) -> Vec<(u32, f64, u32)> {
         let moved = self.settle();
         let mut found = Vec::new();
-        let mut last = 0;
         for Waiting { at, triangle } in &mut self.waiting {
-            let before = *triangle as usize;
-            if !self.stale[before] && !(moved && self.outer[before]) {
+            let number = *triangle as usize;
+            if !self.stale[number] && !(moved && self.outer[number]) {
                 continue;
             }
             let Some(point) = self.cells.points[*at as usize] else { continue };
-            let from = if *triangle == 0 { last } else { *triangle };
-            let Some(triangle_) = self.tin.find([point.x, point.y], from) else { continue };
-            (*triangle, last) = (triangle_, triangle_);
-            let Some(corners) = self.tin.corners(*triangle) else { continue };
+            let Some(now) = self.tin.find([point.x, point.y], *triangle) else { continue };
+            *triangle = now;
+            let Some(corners) = self.tin.corners(now) else { continue };
             if let Some(distance) = near(&point, &corners, self.limits) {
-                found.push((*triangle, distance, *at));
+                found.push((now, distance, *at));
             }
         }
         found.sort_unstable_by(|a, b| {
@@ -233,6 +225,19 @@ impl<'a> Densifying<'a> {
         };
         (0..wide * (self.cells.rows() + 2)).map(&mut height).collect()
     }
+}
+
+/// The points that are no seeds.
+fn waiting(cells: &Cells, seeds: &[usize], tin: &Tin) -> Vec<Waiting> {
+    let mut is_seed = vec![false; cells.points.len()];
+    seeds.iter().for_each(|&at| is_seed[at] = true);
+    let mut last = 0;
+    let mut wait = |at: usize| {
+        let point = cells.points[at].filter(|_| !is_seed[at])?;
+        last = tin.find([point.x, point.y], last)?;
+        Some(Waiting { at: at as u32, triangle: last })
+    };
+    (0..cells.points.len()).filter_map(&mut wait).collect()
 }
 
 /// How far a point is from its triangle, if it is near enough to be taken in.

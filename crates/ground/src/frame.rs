@@ -7,9 +7,11 @@ use terrane_base::geom::Point;
 const OUT: usize = 10;
 /// Cells from one vertex of it to the next, at most, and along a block.
 const BLOCK: usize = 16;
+/// Points that a plane goes through, at least.
+const ENOUGH: i64 = 12;
 
-/// Vertices around a window, each on a plane through the ground points nearest to it: so many blocks away
-/// as the nearest one is, and as many beyond. A slope goes on as it is.
+/// Vertices around a window, each on a plane through the ground points in the blocks nearest to it: a slope
+/// goes on as it is where the ground that is known ends.
 pub(crate) struct Frame {
     places: Vec<[i32; 2]>,
     /// Steps along a block, and blocks of a row; the first lies around the frame's lowest corner.
@@ -66,10 +68,9 @@ impl Frame {
 
     fn height(&self, place: [i32; 2]) -> i32 {
         let far = self.across.max(self.blocks.len() / self.across);
-        let mut away = (0..=far).filter(|away| self.around(place, *away).count > 0);
-        let Some(nearest) = away.next() else { return 0 };
-        let side = f64::from(self.side);
-        self.around(place, 2 * nearest + 1).plane_at(place, side * side).round() as i32
+        let known = (0..far).map(|away| self.around(place, away)).find(|sum| sum.count >= ENOUGH);
+        let known = known.unwrap_or_else(|| self.around(place, far));
+        known.plane_at(place, f64::from(self.side) / BLOCK as f64).round() as i32
     }
 
     /// Of the blocks so many away from that around a place, and nearer.
@@ -109,10 +110,14 @@ impl Moments {
         self.second.iter_mut().zip(other.second).for_each(|(sum, v)| *sum += v);
     }
 
-    /// Height at a place of the plane with the least squares; `level` steps squared weigh against slopes,
-    /// which decides where points lie on a line, or there is one.
-    fn plane_at(&self, place: [i32; 2], level: f64) -> f64 {
-        let count = self.count as f64;
+    /// Height at a place of the plane with the least squares, 0 of no points. A point more so far away on each
+    /// side, at the height of their middle, keeps it level across a line, and for one point.
+    fn plane_at(&self, place: [i32; 2], aside: f64) -> f64 {
+        if self.count == 0 {
+            return 0.0;
+        }
+        let (count, level) = (self.count as f64, aside * aside);
+        let [x, y, z] = self.first.map(|sum| sum as f64 / count);
         let centred = |k: usize, [i, j]: [usize; 2]| {
             let product = i128::from(self.first[i]) * i128::from(self.first[j]);
             (i128::from(self.count) * self.second[k] - product) as f64 / count
@@ -122,7 +127,6 @@ impl Moments {
         let [xz, yz] = [centred(3, [0, 2]), centred(4, [1, 2])];
         let determinant = xx * yy - xy * xy;
         let [gx, gy] = [(xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant];
-        let [x, y, z] = self.first.map(|sum| sum as f64 / count);
         z + gx * (f64::from(place[0]) - x) + gy * (f64::from(place[1]) - y)
     }
 }
@@ -166,9 +170,9 @@ mod tests {
             slope.see(&plane(k * 7919 % 50_000 / 4 * 4, k * 104_729 % 30_000 / 4 * 4));
         }
         for p in slope.vertices() {
-            // One more point, at the same height, weighs little against the others.
+            // What keeps a line level weighs little against points all around.
             let off = (p.z - plane(p.x, p.y).z).abs();
-            assert!(off < 1500, "{p:?} {off}");
+            assert!(off < 50, "{p:?} {off}");
         }
         let mut one = frame(100, 60);
         assert!(one.vertices().iter().all(|p| p.z == 0), "nothing is known");

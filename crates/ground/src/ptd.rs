@@ -3,7 +3,7 @@
 //!
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 
-use crate::densify::{Cells, Limits, densified};
+use crate::densify::{Cells, Limits, WIDEST, densified};
 use crate::lows::Lows;
 use crate::method::{Asked, Lattice, Method, Parameter};
 use crate::surface::Ground;
@@ -44,7 +44,7 @@ pub(crate) const METHOD: Method = Method {
             "how far from the last triangles ground may lie, metres",
         ),
     ],
-    lattice: |_, spacing| Lattice::fixed(spacing.max(1.0)),
+    lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)),
     find,
 };
 
