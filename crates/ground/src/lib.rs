@@ -14,6 +14,8 @@ mod grid;
 mod lows;
 mod method;
 mod ptd;
+#[cfg(test)]
+mod scenes;
 mod smrf;
 mod surface;
 mod tin;
