@@ -7,12 +7,13 @@
 //! position ([`Finder`]), for natural neighbour heights ([`Natural`]), or for all triangles that a
 //! block owns ([`stars`]). The answer is final, or a [`Needs`]: load that too (at most somewhat more
 //! at a time, for it shrinks as points come in) and ask again. The hull of all points must be known
-//! beforehand: [`Hull`]s of parts merge. [`Triangulation`] does all points at once.
+//! beforehand: [`Hull`]s of parts merge. [`Triangulation`] does all points at once, and can be added to.
 
 mod bins;
 mod disc;
 mod fork;
 mod hull;
+mod insert;
 mod interpolate;
 mod knit;
 mod natural;

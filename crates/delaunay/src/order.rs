@@ -17,6 +17,8 @@ struct Entry {
 pub(super) struct Ordered {
     /// Relative to the lowest x and y, hence not negative and below 2^30.
     pub(super) sites: Vec<Site>,
+    /// The lowest x and y.
+    pub(super) low: Site,
     /// Which point of the input each is.
     pub(super) ids: Vec<u32>,
     /// Points left out, each with the one at its position that stands for it.
@@ -42,7 +44,7 @@ pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
     let entries = points.iter().enumerate().map(|(id, p)| Entry { key: key(p), id: id as u32 });
     let entries = sorted(entries, points.len(), bits, fork);
     let (sites, ids) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
-    let mut ordered = Ordered { sites, ids, duplicates: vec![] };
+    let mut ordered = Ordered { sites, low, ids, duplicates: vec![] };
     for same in entries.chunk_by(|a, b| a.key == b.key) {
         // The points themselves are far apart in memory, so they are looked at for duplicates only.
         let kept = match same {

@@ -18,8 +18,8 @@ pub const MOST_POINTS: usize = (u32::MAX / 6) as usize;
 /// being *ghosts*: the outside beyond an edge of the hull. About 60 bytes a point.
 #[derive(Debug)]
 pub struct Triangulation {
-    sides: Vec<Side>,
-    ordered: Ordered,
+    pub(super) sides: Vec<Side>,
+    pub(super) ordered: Ordered,
 }
 
 impl Triangulation {

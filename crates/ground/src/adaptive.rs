@@ -10,9 +10,9 @@
 //! near its surface are ground, the further off the steeper it is.
 
 use crate::csf::{Cloth, settled};
+use crate::densify::{Cells, Limits, WIDEST, densified};
 use crate::lows::Lows;
 use crate::method::{Asked, Lattice, Method};
-use crate::ptd::{Limits, densified, in_millimetres, seeds, surface, vertices};
 use crate::surface::Ground;
 
 pub(crate) const METHOD: Method = Method {
@@ -20,12 +20,14 @@ pub(crate) const METHOD: Method = Method {
     source: "ours, after Zhang and others 2016 and Axelsson 2000",
     about: "a cloth and a triangulation that check each other; what auto takes",
     parameters: &[],
-    lattice: |_, spacing| Lattice::fixed(spacing.max(1.0)),
+    lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)),
     find,
 };
 
 /// Side of the squares whose lowest points the first triangulation begins with, in metres.
 const SQUARE: f64 = 50.0;
+/// And of those whose lowest points it goes on with.
+const BLOCK: f64 = 4.0;
 /// How near the cloth a seed lies, and how far at most above the first triangulation, in metres.
 const NEAR: f64 = 0.3;
 const ABOVE: f64 = 2.0;
@@ -39,26 +41,21 @@ const SCALING: f64 = 0.3;
 const CLOTH: Cloth = Cloth { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
 
 fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
-    let (width, cell, step) = (lows.width, lows.cell, lows.step[2]);
-    let points = in_millimetres(lows);
-    let seeds = checked(lows, &points);
-    let ground = densified(&points, seeds, width, cell, &NARROW);
-    let surface =
-        surface(&vertices(&points, &ground, width, cell), width, points.len() / width, cell);
-    let heights = surface.into_iter().map(|z| z / step).collect();
-    Ground::new(width, heights, |rise| TOLERANCE / step + SCALING * rise)
+    let (cells, step) = (Cells::of(lows), lows.step[2]);
+    let seeds = checked(lows, &cells);
+    let heights = densified(&cells, &seeds, &NARROW).into_iter().map(|z| z / step).collect();
+    Ground::new(lows.width, heights, |rise| TOLERANCE / step + SCALING * rise)
 }
 
 /// The cells whose lowest points touch the cloth and lie not far above the first triangulation.
-fn checked(lows: &Lows<'_>, points: &[Option<terrane_base::geom::Point>]) -> Vec<usize> {
+fn checked(lows: &Lows<'_>, cells: &Cells) -> Vec<usize> {
     let (width, cell) = (lows.width, lows.cell);
-    let first = seeds(points, width, (SQUARE / cell).ceil() as usize);
-    let first = densified(points, first, width, cell, &WIDE);
-    let below = surface(&vertices(points, &first, width, cell), width, points.len() / width, cell);
+    let first = cells.lowest((SQUARE / cell).ceil() as usize);
+    let below = densified(&cells.thinned((BLOCK / cell).ceil() as usize), &first, &WIDE);
     let below = |at: usize| below[(at / width + 1) * (width + 2) + at % width + 1];
     let heights = lows.heights();
     let cloth = settled(&heights, width, &CLOTH);
     let is_seed =
         |at: &usize| (heights[*at] - cloth[*at]).abs() <= NEAR && heights[*at] - below(*at) < ABOVE;
-    (0..points.len()).filter(is_seed).collect()
+    (0..heights.len()).filter(is_seed).collect()
 }

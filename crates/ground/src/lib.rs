@@ -7,11 +7,15 @@
 
 mod adaptive;
 mod csf;
+mod densify;
 pub mod filter;
+mod frame;
 mod grid;
 mod lows;
 mod method;
 mod ptd;
+#[cfg(test)]
+mod scenes;
 mod smrf;
 mod surface;
 mod tin;

@@ -1,39 +1,66 @@
 //! A triangulation that is made denser.
 
 use terrane_base::geom::Point;
-use terrane_delaunay::{Triangulation, orient};
+use terrane_delaunay::Triangulation;
 
-/// The triangulation of ground points, which lie in millimetres from the window's corner.
-pub(crate) struct Tin<'a> {
-    points: &'a [Point],
+/// A triangulation of points in millimetres from the window's corner.
+pub(crate) struct Tin {
+    points: Vec<Point>,
     triangulation: Triangulation,
-    /// Where the last one was found.
-    last: u32,
 }
 
-impl<'a> Tin<'a> {
-    /// `None` where there are too few points for a triangle.
-    pub(crate) fn new(points: &'a [Point]) -> Option<Self> {
-        let triangulation = Triangulation::new(points).ok()?;
-        let last = (0..triangulation.numbers()).find(|&t| triangulation.corners(t).is_some())?;
-        Some(Self { points, triangulation, last })
+impl Tin {
+    /// Of points at different positions; `None` where there are too few for a triangle. So many more may
+    /// come.
+    pub(crate) fn new(mut points: Vec<Point>, more: usize) -> Option<Self> {
+        let mut triangulation = Triangulation::new(&points).ok()?;
+        points.reserve_exact(more);
+        triangulation.reserve(more);
+        let found = Self { points, triangulation };
+        (!found.triangulation.is_flat()).then_some(found)
     }
 
-    /// The number and the corners of the triangle that holds a position, which must lie in the hull: a
-    /// walk from the one found before.
-    pub(crate) fn around(&mut self, at: [i32; 2]) -> Option<(u32, [Point; 3])> {
-        let mut triangle = self.last;
-        for _ in 0..=self.triangulation.numbers() {
-            let corners = self.triangulation.corners(triangle)?.map(|k| self.points[k as usize]);
-            let site = corners.map(|p| [p.x, p.y]);
-            let beyond = (0..3).find(|&i| orient(site[i], site[(i + 1) % 3], at) < 0);
-            let Some(side) = beyond else {
-                self.last = triangle;
-                return Some((triangle, corners));
-            };
-            triangle = self.triangulation.neighbours(triangle)[side];
+    /// Numbers of triangles are below this.
+    pub(crate) fn numbers(&self) -> usize {
+        self.triangulation.numbers() as usize
+    }
+
+    /// The points in the order in which they came, whose heights may be changed.
+    pub(crate) fn points(&mut self) -> &mut [Point] {
+        &mut self.points
+    }
+
+    /// The triangle that holds a position, on a walk from another one; `None` beyond all.
+    pub(crate) fn find(&self, at: [i32; 2], from: u32) -> Option<u32> {
+        self.triangulation.find(at, from)
+    }
+
+    /// Which points are the corners of a triangle.
+    pub(crate) fn ids(&self, triangle: u32) -> Option<[u32; 3]> {
+        self.triangulation.corners(triangle)
+    }
+
+    /// The corners of a triangle, from the lowest (x, then y) on: what is computed of them is the same to the
+    /// last bit however the triangulation came to be.
+    pub(crate) fn corners(&self, triangle: u32) -> Option<[Point; 3]> {
+        Some(from_lowest(self.ids(triangle)?.map(|id| self.points[id as usize])))
+    }
+
+    /// Adds a point in a triangle, or near it; tells the numbers of the triangles that are others then.
+    pub(crate) fn add(&mut self, point: Point, near: u32, changed: &mut impl FnMut(u32)) {
+        let at = [point.x, point.y];
+        let Some(triangle) = self.find(at, near) else { return };
+        if self.triangulation.insert(at, self.points.len() as u32, triangle, changed) {
+            self.points.push(point);
         }
-        None
+    }
+}
+
+fn from_lowest([a, b, c]: [Point; 3]) -> [Point; 3] {
+    match a.min(b).min(c) {
+        low if low == a => [a, b, c],
+        low if low == b => [b, c, a],
+        _ => [c, a, b],
     }
 }
 

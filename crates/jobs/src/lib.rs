@@ -47,7 +47,7 @@ pub use terrane_base::Cancel;
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.
-pub const REVISION: u32 = 10;
+pub const REVISION: u32 = 11;
 
 /// Receives a job's progress; called from several threads.
 pub trait Progress: Sync {

@@ -1,0 +1,370 @@
+//! A triangulation of ground points that takes in those near it, round by round.
+
+use crate::frame::Frame;
+use crate::lows::Lows;
+use crate::tin::{Tin, gradient, height_of};
+use terrane_base::geom::Point;
+
+/// Millimetres to a metre.
+pub(crate) const MILLI: f64 = 1000.0;
+/// Widest cell in metres: millimetres of a square of the lattice have 32 bits.
+pub(crate) const WIDEST: f64 = 1000.0;
+/// Most times that points are taken in.
+const ROUNDS: usize = 64;
+
+/// When a point is taken in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// Most sine of the angle at which a corner of the triangle sees the point above its plane.
+    pub(crate) sine: f64,
+    /// Furthest that it may lie from the plane, in metres.
+    pub(crate) distance: f64,
+    /// Triangles with no longer side in plan are left as they are, in metres.
+    pub(crate) spacing: f64,
+}
+
+/// The lowest point of each cell, in millimetres from the corner; no two at one position.
+#[derive(Debug)]
+pub(crate) struct Cells {
+    pub(crate) points: Vec<Option<Point>>,
+    /// Cells of a row.
+    pub(crate) width: usize,
+    /// Side of a cell in metres.
+    pub(crate) cell: f64,
+}
+
+impl Cells {
+    pub(crate) fn of(lows: &Lows<'_>) -> Self {
+        let whole = |metres: f64| (metres * MILLI).round() as i32;
+        let point =
+            |at: usize| lows.metres(at).map(|[x, y, z]| Point::new(whole(x), whole(y), whole(z)));
+        let points = (0..lows.points.len()).map(point).collect();
+        let mut cells = Self { points, width: lows.width, cell: lows.cell };
+        cells.part();
+        cells
+    }
+
+    /// Leaves out all but the lowest of points that rounding has put at one position: on the line between
+    /// cells.
+    fn part(&mut self) {
+        let count = self.points.len();
+        for at in 0..count {
+            let east = at % self.width + 1 < self.width;
+            let beside = [(east, 1), (true, self.width), (east, self.width + 1)];
+            let beside = beside.into_iter().filter(|(there, _)| *there).map(|(_, on)| at + on);
+            let west = (at % self.width > 0).then_some(at + self.width - 1);
+            for other in beside.chain(west).filter(|other| *other < count) {
+                if let (Some(a), Some(b)) = (self.points[at], self.points[other]) {
+                    if [a.x, a.y] == [b.x, b.y] {
+                        self.points[if a.z <= b.z { other } else { at }] = None;
+                    }
+                }
+            }
+        }
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.points.len() / self.width
+    }
+
+    /// The cells whose points are the lowest of squares of `side` cells, sorted.
+    pub(crate) fn lowest(&self, side: usize) -> Vec<usize> {
+        let across = self.width.div_ceil(side);
+        let squares = across * self.rows().div_ceil(side);
+        let mut lowest: Vec<Option<(Point, usize)>> = vec![None; squares];
+        for (at, point) in self.points.iter().enumerate() {
+            let Some(point) = point else { continue };
+            let square = at / self.width / side * across + at % self.width / side;
+            let key = |p: &Point| (p.z, p.x, p.y);
+            if lowest[square].is_none_or(|(low, _)| key(point) < key(&low)) {
+                lowest[square] = Some((*point, at));
+            }
+        }
+        let mut seeds: Vec<usize> = lowest.into_iter().flatten().map(|(_, at)| at).collect();
+        seeds.sort_unstable();
+        seeds
+    }
+}
+
+impl Cells {
+    /// Only the points that are the lowest of squares of `side` cells.
+    pub(crate) fn thinned(&self, side: usize) -> Self {
+        let mut points = vec![None; self.points.len()];
+        self.lowest(side).into_iter().for_each(|at| points[at] = self.points[at]);
+        Self { points, ..*self }
+    }
+}
+
+/// A point that waits to be taken in, with the triangle that held it when it was last looked at.
+struct Waiting {
+    at: u32,
+    triangle: u32,
+}
+
+/// Heights in metres at the centres of cells, and of those beside the window, of the triangulation of the
+/// seeds and of all points that can be reached from them; NaN where there are no seeds.
+pub(crate) fn densified(cells: &Cells, seeds: &[usize], limits: &Limits) -> Vec<f64> {
+    let Some(mut densifying) = Densifying::new(cells, seeds, limits) else {
+        return vec![f64::NAN; (cells.width + 2) * (cells.rows() + 2)];
+    };
+    densifying.run();
+    densifying.surface()
+}
+
+struct Densifying<'a> {
+    cells: &'a Cells,
+    limits: &'a Limits,
+    frame: Frame,
+    tin: Tin,
+    ground: usize,
+    waiting: Vec<Waiting>,
+    /// Of each triangle: whether points in it have to be looked at again, and whether it reaches the frame.
+    stale: Vec<bool>,
+    outer: Vec<bool>,
+}
+
+impl<'a> Densifying<'a> {
+    fn new(cells: &'a Cells, seeds: &[usize], limits: &'a Limits) -> Option<Self> {
+        let mut frame = Frame::new(cells);
+        let known: Vec<Point> = seeds.iter().filter_map(|&at| cells.points[at]).collect();
+        known.iter().for_each(|point| frame.see(point));
+        let ground = known.len();
+        let vertices = frame.vertices().into_iter().chain(known).collect();
+        let all = cells.points.iter().flatten().count();
+        let tin = Tin::new(vertices, all - ground).filter(|_| ground > 0)?;
+        let waiting = waiting(cells, seeds, &tin);
+        let stale = vec![true; tin.numbers()];
+        let mut made =
+            Self { cells, limits, frame, tin, ground, waiting, stale, outer: Vec::new() };
+        made.outer = (0..made.tin.numbers() as u32).map(|t| made.is_outer(t)).collect();
+        Some(made)
+    }
+
+    fn run(&mut self) {
+        for _ in 0..ROUNDS {
+            let found = self.found();
+            let few = found.len() * 500 < self.ground;
+            self.take(&found);
+            if few {
+                break;
+            }
+        }
+        self.settle();
+    }
+
+    /// Puts the frame to where the ground is; whether that changed anything.
+    fn settle(&mut self) -> bool {
+        let vertices = self.frame.vertices();
+        let before = &mut self.tin.points()[..vertices.len()];
+        let is_new = *before != vertices;
+        before.copy_from_slice(&vertices);
+        is_new
+    }
+
+    /// The nearest point of each triangle that is near enough to be taken in, with both.
+    fn found(&mut self) -> Vec<(u32, f64, u32)> {
+        let moved = self.settle();
+        let mut found = Vec::new();
+        for Waiting { at, triangle } in &mut self.waiting {
+            let number = *triangle as usize;
+            if !self.stale[number] && !(moved && self.outer[number]) {
+                continue;
+            }
+            let Some(point) = self.cells.points[*at as usize] else { continue };
+            let Some(now) = self.tin.find([point.x, point.y], *triangle) else { continue };
+            *triangle = now;
+            let Some(corners) = self.tin.corners(now) else { continue };
+            if let Some(distance) = near(&point, &corners, self.limits) {
+                found.push((now, distance, *at));
+            }
+        }
+        found.sort_unstable_by(|a, b| {
+            (a.0, a.1, a.2).partial_cmp(&(b.0, b.1, b.2)).unwrap_or(std::cmp::Ordering::Equal)
+        });
+        found.dedup_by_key(|(triangle, ..)| *triangle);
+        found
+    }
+
+    fn take(&mut self, found: &[(u32, f64, u32)]) {
+        self.stale.fill(false);
+        let mut changed = Vec::new();
+        for (triangle, _, at) in found {
+            let Some(point) = self.cells.points[*at as usize] else { continue };
+            self.frame.see(&point);
+            self.tin.add(point, *triangle, &mut |t| changed.push(t));
+        }
+        self.ground += found.len();
+        self.stale.resize(self.tin.numbers(), false);
+        self.outer.resize(self.tin.numbers(), false);
+        for triangle in changed {
+            self.stale[triangle as usize] = true;
+            self.outer[triangle as usize] = self.is_outer(triangle);
+        }
+        let mut taken: Vec<u32> = found.iter().map(|(.., at)| *at).collect();
+        taken.sort_unstable();
+        let mut taken = taken.into_iter().peekable();
+        self.waiting.retain(|w| taken.next_if_eq(&w.at).is_none());
+    }
+
+    /// Whether a triangle reaches the frame.
+    fn is_outer(&self, triangle: u32) -> bool {
+        let of_frame = |id: &u32| (*id as usize) < self.frame.len();
+        self.tin.ids(triangle).is_some_and(|ids| ids.iter().any(of_frame))
+    }
+
+    fn surface(&self) -> Vec<f64> {
+        let wide = self.cells.width + 2;
+        let centre = |k: usize| ((k as f64 - 0.5) * self.cells.cell * MILLI).round() as i32;
+        let mut last = 0;
+        let mut height = |at: usize| {
+            let [x, y] = [centre(at % wide), centre(at / wide)];
+            let Some(triangle) = self.tin.find([x, y], last) else { return f64::NAN };
+            last = triangle;
+            let corners = self.tin.corners(triangle);
+            corners.map_or(f64::NAN, |corners| height_of(&corners, [x, y].map(f64::from)) / MILLI)
+        };
+        (0..wide * (self.cells.rows() + 2)).map(&mut height).collect()
+    }
+}
+
+/// The points that are no seeds.
+fn waiting(cells: &Cells, seeds: &[usize], tin: &Tin) -> Vec<Waiting> {
+    let mut is_seed = vec![false; cells.points.len()];
+    seeds.iter().for_each(|&at| is_seed[at] = true);
+    let mut last = 0;
+    let mut wait = |at: usize| {
+        let point = cells.points[at].filter(|_| !is_seed[at])?;
+        last = tin.find([point.x, point.y], last)?;
+        Some(Waiting { at: at as u32, triangle: last })
+    };
+    (0..cells.points.len()).filter_map(&mut wait).collect()
+}
+
+/// How far a point is from its triangle, if it is near enough to be taken in.
+fn near(point: &Point, corners: &[Point; 3], limits: &Limits) -> Option<f64> {
+    let [p, a, b, c] =
+        [point, &corners[0], &corners[1], &corners[2]].map(|p| [p.x, p.y, p.z].map(f64::from));
+    let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+    let arms = [a, b, c].map(|corner| minus(p, corner));
+    let plan = |u: [f64; 3]| u[0] * u[0] + u[1] * u[1];
+    let longest = [minus(b, a), minus(c, b), minus(a, c)].map(plan).into_iter().fold(0.0, f64::max);
+    if longest < (limits.spacing * MILLI) * (limits.spacing * MILLI) {
+        return None;
+    }
+    let [gx, gy] = gradient(minus(b, a), minus(c, a));
+    let above = height_of(corners, [p[0], p[1]]);
+    let distance = (p[2] - above).abs() / (1.0 + gx * gx + gy * gy).sqrt();
+    let length = |u: [f64; 3]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+    let nearest = arms.map(length).into_iter().fold(f64::INFINITY, f64::min);
+    (distance <= limits.distance * MILLI && distance <= limits.sine * nearest).then_some(distance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use terrane_delaunay::{Triangulation, orient};
+
+    /// Whether a triangle holds a position that is moved by an infinitesimal.
+    fn holds(corners: &[Point; 3], at: [i32; 2]) -> bool {
+        let sites = corners.map(|p| [p.x, p.y]);
+        (0..3).all(|i| match (sites[i], sites[(i + 1) % 3]) {
+            (a, b) if orient(a, b, at) == 0 => a < b,
+            (a, b) => orient(a, b, at) > 0,
+        })
+    }
+
+    /// All triangles of the frame and the ground.
+    fn triangles(cells: &Cells, ground: &[usize]) -> Vec<[Point; 3]> {
+        let known: Vec<Point> = ground.iter().filter_map(|&at| cells.points[at]).collect();
+        let mut frame = Frame::new(cells);
+        known.iter().for_each(|point| frame.see(point));
+        let vertices = [frame.vertices(), known].concat();
+        let triangulation = Triangulation::new(&vertices).unwrap();
+        let corners = |t: [u32; 3]| t.map(|id| vertices[id as usize]);
+        let from_lowest = |[a, b, c]: [Point; 3]| {
+            [[a, b, c], [b, c, a], [c, a, b]].into_iter().min_by_key(|[first, ..]| *first).unwrap()
+        };
+        triangulation.triangles().map(corners).map(from_lowest).collect()
+    }
+
+    /// Everything anew in each round, and looked for everywhere.
+    fn slow(cells: &Cells, seeds: &[usize], limits: &Limits) -> Vec<f64> {
+        let mut ground = seeds.to_vec();
+        for _ in 0..ROUNDS {
+            let triangles = triangles(cells, &ground);
+            let mut nearest: Vec<Option<(f64, usize)>> = vec![None; triangles.len()];
+            for (at, point) in cells.points.iter().enumerate() {
+                let Some(point) = point.filter(|_| !ground.contains(&at)) else { continue };
+                let t = triangles.iter().position(|t| holds(t, [point.x, point.y])).unwrap();
+                let distance = near(&point, &triangles[t], limits);
+                let is_nearer = |d: &f64| nearest[t].is_none_or(|best| (*d, at) < best);
+                if let Some(distance) = distance.filter(is_nearer) {
+                    nearest[t] = Some((distance, at));
+                }
+            }
+            let before = ground.len();
+            ground.extend(nearest.into_iter().flatten().map(|(_, at)| at));
+            if (ground.len() - before) * 500 < before {
+                break;
+            }
+        }
+        let triangles = triangles(cells, &ground);
+        let centre = |k: usize| ((k as f64 - 0.5) * cells.cell * MILLI).round() as i32;
+        let heights = (0..cells.rows() + 2)
+            .flat_map(|row| (0..cells.width + 2).map(move |col| [centre(col), centre(row)]));
+        let height = |at: [i32; 2]| {
+            let triangle = triangles.iter().find(|t| holds(t, at)).unwrap();
+            height_of(triangle, at.map(f64::from)) / MILLI
+        };
+        heights.map(height).collect()
+    }
+
+    /// Rough slopes with voids; positions anywhere in their cells, or where there are many ties: on a lattice.
+    fn rough() -> impl Strategy<Value = Cells> {
+        let point = (any::<bool>(), 0..1000, 0..1000, 0..600);
+        let points = prop::collection::vec(prop::option::weighted(0.8, point), 26 * 19);
+        (points, -600..600, -600..600, any::<bool>()).prop_map(|(points, by_x, by_y, lattice)| {
+            let cell = |(at, point): (usize, Option<(bool, i32, i32, i32)>)| {
+                let [col, row] = [(at % 26) as i32, (at / 26) as i32];
+                point.map(|(is_plant, x, y, z)| {
+                    let [x, y] = if lattice { [500, 500] } else { [x, y] };
+                    let plant = if is_plant { z * 3 } else { z / 5 };
+                    Point::new(col * 1000 + x, row * 1000 + y, col * by_x + row * by_y + plant)
+                })
+            };
+            let points = points.into_iter().enumerate().map(cell).collect();
+            Cells { points, width: 26, cell: 1.0 }
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn what_grows_is_what_would_be_made_anew(cells in rough(), sine in 0.1..0.6f64) {
+            let limits = Limits { sine, distance: 1.0, spacing: 1.2 };
+            let seeds = cells.lowest(7);
+            prop_assert_eq!(densified(&cells, &seeds, &limits), slow(&cells, &seeds, &limits));
+        }
+    }
+
+    #[test]
+    fn of_points_that_rounding_puts_together_the_lowest_is_left() {
+        let at = |x, y, z| Some(Point::new(x, y, z));
+        let cells = |points: Vec<Option<Point>>| {
+            let mut cells = Cells { points, width: 2, cell: 1.0 };
+            cells.part();
+            cells.points.iter().map(|p| p.map(|p| p.z)).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            cells(vec![at(1000, 5, 7), at(1000, 5, 6), None, at(1000, 6, 1)]),
+            [None, Some(6), None, Some(1)]
+        );
+        let corner = |z: [i32; 4]| cells(z.map(|z| at(1000, 1000, z)).to_vec());
+        assert_eq!(corner([4, 3, 2, 1]), [None, None, None, Some(1)]);
+        assert_eq!(corner([4, 3, 1, 2]), [None, None, Some(1), None]);
+        assert_eq!(corner([1, 1, 1, 1]), [Some(1), None, None, None]);
+        let mut none = Cells { points: vec![], width: 3, cell: 1.0 };
+        none.part();
+    }
+}
