@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use crate::reading::Reading;
+use crate::transform::Transformed;
 use crate::{Cancel, Progress, Resources};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -107,6 +108,15 @@ pub struct ConvertReport {
     pub width: u32,
     pub height: u32,
     pub crs: String,
+    /// What led to the system of the output, where that is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
+    /// How heights were found between samples, where they were, and how many columns and rows of the grid there are to
+    /// one of the output.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resampling: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<[f64; 2]>,
     pub sample_type: String,
     pub nodata: Option<f64>,
     pub samples: u64,
@@ -127,12 +137,14 @@ pub struct ConvertReport {
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    run_of(job, progress, cancel, |source| Ok((source, Vec::new())))
+    run_of(job, 0, progress, cancel, |source| Ok((source, Vec::new())))
 }
 
-/// As [`run`], of what stands in front of the grid that is read, with what is to be said of that.
+/// As [`run`], of what stands in front of the grid that is read, with what is to be said of that; reading from it a
+/// thread holds so many bytes.
 pub(crate) fn run_of(
     job: &ConvertJob,
+    held: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
     front: impl FnOnce(Box<dyn GridSource>) -> Result<(Box<dyn GridSource>, Vec<String>)>,
@@ -140,12 +152,12 @@ pub(crate) fn run_of(
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format)?;
+    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format, held)?;
     let options = job.reading.options(&job.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     let (source, mut notes) = front(source)?;
-    let report = copy(source.as_ref(), job, progress, cancel)?;
+    let report = copy_of(source.as_ref(), job, held, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
     notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
     Ok(ConvertReport { notes, water, ..report })
@@ -158,9 +170,19 @@ pub fn copy(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
+    copy_of(source, job, 0, progress, cancel)
+}
+
+fn copy_of(
+    source: &dyn GridSource,
+    job: &ConvertJob,
+    held: u64,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
     let start = Instant::now();
     let format = write::by_path(&job.output, job.format.as_deref())?;
-    let budget = Budget::divide(job, format)?;
+    let budget = Budget::divide(job, format, held)?;
     let (window, info) = (source.info().bounds(), source.info());
     let options = WriteOptions { read: job.read_beside(source)?, ..job.write_options() };
     let mut sink = format.create(&job.output, info, &options)?;
@@ -231,6 +253,8 @@ struct Budget {
     /// Bytes for decoded blocks of the source.
     cache: usize,
     memory: u64,
+    /// Bytes that a thread holds beside a block.
+    held: u64,
 }
 
 /// Samples of a block when nothing else is known, as in a tile of 512 x 512.
@@ -241,12 +265,12 @@ const LEAST_CACHE: u64 = 8 << 20;
 impl Budget {
     /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
     /// where memory is short.
-    fn divide(job: &ConvertJob, format: &GridFormat) -> Result<Self> {
+    fn divide(job: &ConvertJob, format: &GridFormat, held: u64) -> Result<Self> {
         let Resources { threads, memory, .. } = job.resources;
         let side = job.creation.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
         let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
         let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
-        let block = samples.saturating_mul(format.bytes_per_sample);
+        let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(held);
         let least = block.saturating_add(LEAST_CACHE);
         if memory < least {
             return Err(too_small(memory, least));
@@ -255,7 +279,7 @@ impl Budget {
         let threads = threads.clamp(1, usize::try_from(most).unwrap_or(usize::MAX));
         let share = threads as u64 * block;
         let cache = (memory - share).min((memory / 2).max(LEAST_CACHE));
-        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory })
+        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory, held })
     }
 
     /// Threads that the real blocks of a sink leave room for. Blocks as wide as the grid may be
@@ -264,7 +288,7 @@ impl Budget {
         let (width, height) = sink.block();
         let (info, samples) = (sink.info(), |a: u32, b: u32| u64::from(a) * u64::from(b));
         let block = samples(width.min(info.width), height.min(info.height));
-        let block = block.saturating_mul(format.bytes_per_sample).max(1);
+        let block = block.saturating_mul(format.bytes_per_sample).saturating_add(self.held).max(1);
         match (self.memory - self.cache as u64) / block {
             0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * LEAST_CACHE))),
             most => Ok(self.threads.min(usize::try_from(most).unwrap_or(usize::MAX))),

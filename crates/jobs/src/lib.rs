@@ -40,6 +40,7 @@ pub mod transform;
 pub mod translate;
 pub mod verify;
 pub mod view;
+pub mod warp;
 mod water;
 mod workers;
 

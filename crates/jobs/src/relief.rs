@@ -36,7 +36,7 @@ pub struct ReliefJob {
 /// # Errors
 /// Those of [`convert::run`]; units of heights whose length is not known, and degrees beyond a pole.
 pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    convert::run_of(&job.copy, progress, cancel, |inner| {
+    convert::run_of(&job.copy, 0, progress, cancel, |inner| {
         let info = inner.info();
         let ground = match job.scale {
             Some(scale) => Ground::scaled(info, scale),
