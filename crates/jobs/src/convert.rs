@@ -23,7 +23,7 @@ use crate::{Cancel, Progress, Resources};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{beside_grid, path_of};
-use terrane_raster::write::{self, GridFormat, GridSink, WriteOptions};
+use terrane_raster::write::{self, BandName, GridFormat, GridSink, WriteOptions};
 use terrane_raster::{
     self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType, WaterReport,
 };
@@ -79,6 +79,7 @@ impl ConvertJob {
             round: self.round,
             temp_dir: self.resources.temp_dir.clone(),
             bands: Vec::new(),
+            are_colours: false,
             read: Vec::new(),
         }
     }
@@ -137,7 +138,32 @@ pub struct ConvertReport {
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    run_of(job, 0, progress, cancel, |source| Ok((source, Vec::new())))
+    run_of(job, 0, progress, cancel, |source| Ok(Front::of(source, Vec::new())))
+}
+
+/// What stands in front of a grid that is read.
+pub(crate) struct Front {
+    /// What is written, alike in size and type.
+    bands: Vec<Box<dyn GridSource>>,
+    /// What the bands are called, where they are colours.
+    colours: Vec<BandName>,
+    /// What is to be said of it.
+    notes: Vec<String>,
+}
+
+impl Front {
+    /// A grid.
+    pub(crate) fn of(grid: Box<dyn GridSource>, notes: Vec<String>) -> Self {
+        Self { bands: vec![grid], colours: Vec::new(), notes }
+    }
+
+    /// Red, green, blue and perhaps opacity.
+    pub(crate) fn of_colours(bands: Vec<Box<dyn GridSource>>, notes: Vec<String>) -> Self {
+        let names = ["red", "green", "blue", "opacity"].into_iter().take(bands.len());
+        let named =
+            |name: &str| BandName { name: name.to_owned(), in_vertical_unit: false, counts: false };
+        Self { bands, colours: names.map(named).collect(), notes }
+    }
 }
 
 /// As [`run`], of what stands in front of the grid that is read, with what is to be said of that; reading from it a
@@ -147,7 +173,7 @@ pub(crate) fn run_of(
     held: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
-    front: impl FnOnce(Box<dyn GridSource>) -> Result<(Box<dyn GridSource>, Vec<String>)>,
+    front: impl FnOnce(Box<dyn GridSource>) -> Result<Front>,
 ) -> Result<ConvertReport> {
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
@@ -156,8 +182,9 @@ pub(crate) fn run_of(
     let options = job.reading.options(&job.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
-    let (source, mut notes) = front(source)?;
-    let report = copy_of(source.as_ref(), job, held, progress, cancel)?;
+    let Front { bands, colours, mut notes } = front(source)?;
+    let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
+    let report = copy_of(&bands, colours, job, held, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
     notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
     Ok(ConvertReport { notes, water, ..report })
@@ -170,11 +197,13 @@ pub fn copy(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
-    copy_of(source, job, 0, progress, cancel)
+    copy_of(&[source], Vec::new(), job, 0, progress, cancel)
 }
 
+/// Copies a band, or several that are colours, with these names.
 fn copy_of(
-    source: &dyn GridSource,
+    bands: &[&dyn GridSource],
+    colours: Vec<BandName>,
     job: &ConvertJob,
     held: u64,
     progress: &dyn Progress,
@@ -183,14 +212,16 @@ fn copy_of(
     let start = Instant::now();
     let format = write::by_path(&job.output, job.format.as_deref())?;
     let budget = Budget::divide(job, format, held)?;
+    let Some(source) = bands.first().copied() else { return Ok(ConvertReport::default()) };
     let (window, info) = (source.info().bounds(), source.info());
-    let options = WriteOptions { read: job.read_beside(source)?, ..job.write_options() };
+    let (are_colours, read) = (!colours.is_empty(), job.read_beside(source)?);
+    let options = WriteOptions { read, bands: colours, are_colours, ..job.write_options() };
     let mut sink = format.create(&job.output, info, &options)?;
     let threads = budget.threads_for(sink.as_ref(), format)?;
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);
     let pieces = Pieces::new(window, source, sink.as_ref(), budget.cache);
-    let task = Task { sources: &[source], window, sink: sink.as_ref(), pieces };
+    let task = Task { sources: bands, window, sink: sink.as_ref(), pieces };
     let summary = task.run(threads, progress, cancel)?;
     progress.end();
     copy_levels(sink.as_mut(), threads, progress, cancel)?;

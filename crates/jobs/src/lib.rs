@@ -6,6 +6,7 @@ pub mod breaklines;
 pub mod cloud_picture;
 pub mod cloud_stats;
 pub mod cloud_tin;
+pub mod colours;
 pub mod contour;
 pub mod convert;
 pub mod delaunay;

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::convert::{self, ConvertJob, ConvertReport};
+use crate::convert::{self, ConvertJob, ConvertReport, Front};
 use crate::ground::Ground;
 use crate::{Cancel, Progress};
 use terrane_base::error::Result;
@@ -55,7 +55,8 @@ pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         };
         let info = GridInfo { sample_type, nodata, crs, scale: 1.0, offset: 0.0, ..info.clone() };
         let (derivative, notes) = (Arc::clone(&job.derivative), ground.notes());
-        Ok((Box::new(Derived { info, inner, derivative, ground, edges: job.edges }), notes))
+        let derived = Derived { info, inner, derivative, ground, edges: job.edges };
+        Ok(Front::of(Box::new(derived), notes))
     })
 }
 

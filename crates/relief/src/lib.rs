@@ -1,5 +1,5 @@
 //! What the ground is like at a sample, from its height and those of its eight neighbours: slope, aspect, hillshade,
-//! roughness, position, ruggedness, curvature.
+//! roughness, position, ruggedness, curvature. And the colours of heights ([`Palette`]).
 //!
 //! A kind is a file here and a line in the list of verbs. All are functions of nine heights and of where a column and
 //! a row lead on the ground ([`Turn`]), so grids may be turned or have the south above.
@@ -15,6 +15,7 @@
 //! ```
 
 mod aspect;
+mod colours;
 mod curvature;
 mod position;
 mod roughness;
@@ -25,6 +26,7 @@ mod slope;
 mod tests;
 
 pub use aspect::Aspect;
+pub use colours::{Between, Colour, Fault, NAMES, Palette, Table};
 pub use curvature::{Curvature, Kind};
 pub use position::Position;
 pub use roughness::Roughness;

@@ -5,7 +5,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::cli::shared::system::System;
 use crate::cli::shared::{check, names, parse};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::jobs::convert::ConvertJob;
 use crate::jobs::warp::{Wanted, WarpJob};
 use crate::registry;
@@ -45,39 +45,14 @@ impl Warp {
     /// The job that is asked for instead of a copy, if one is.
     ///
     /// # Errors
-    /// Another lattice without a way to find heights, or the other way round; files that are not there, or would be
-    /// replaced.
+    /// Those of [`WarpJob::asked`]; files that are not there, or would be replaced.
     pub(super) fn job(&self, copy: &ConvertJob) -> Result<Option<WarpJob>> {
-        let transform = self.system.transform()?;
         let (like, resolution, extent) = (self.like.clone(), self.resolution, self.extent);
         let wanted = Wanted { like, resolution, extent };
-        let Some(resampling) = self.resampling else { return self.refuse(&wanted).map(|()| None) };
-        if transform.is_none() && !wanted.is_some() {
-            return Err(Error::usage("--resampling alone leaves every sample where it is")
-                .remedy("add --to-crs, --resolution, --extent or --like, or leave it out"));
-        }
         let mut files = self.system.files()?;
         files.extend(self.like.clone());
         self.like.iter().try_for_each(|like| check::input(like))?;
         check::not_among(&files, &[&copy.output])?;
-        Ok(Some(WarpJob { copy: copy.clone(), transform, wanted, resampling }))
-    }
-
-    /// Fails where samples would have to be made up unasked.
-    fn refuse(&self, wanted: &Wanted) -> Result<()> {
-        let options = [
-            ("--to-crs", self.system.is_given()),
-            ("--resolution", wanted.resolution.is_some()),
-            ("--extent", wanted.extent.is_some()),
-            ("--like", wanted.like.is_some()),
-        ];
-        let given = options.into_iter().find(|(_, given)| *given);
-        given.map_or(Ok(()), |(option, _)| {
-            let names: Vec<_> = RESAMPLINGS.iter().map(|own| own.name).collect();
-            let message =
-                format!("{option} moves samples, and grids are never resampled unless asked");
-            Err(Error::usage(message)
-                .remedy(format!("say how with --resampling: {}", names.join(", "))))
-        })
+        WarpJob::asked(copy, self.system.transform()?, wanted, self.resampling)
     }
 }

@@ -25,13 +25,6 @@ pub struct Wanted {
     pub extent: Option<[f64; 4]>,
 }
 
-impl Wanted {
-    /// Whether anything is.
-    pub fn is_some(&self) -> bool {
-        *self != Self::default()
-    }
-}
-
 /// Places of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lattice {

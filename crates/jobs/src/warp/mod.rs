@@ -16,13 +16,14 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::convert::{self, ConvertJob, ConvertReport};
+use crate::convert::{self, ConvertJob, ConvertReport, Front};
 use crate::transform::{Transform, Transformed, extent_of};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, Result};
+use terrane_base::registry;
 use terrane_crs::Operation;
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_resample::{Resampling, Scale};
+use terrane_resample::{RESAMPLINGS, Resampling, Scale};
 
 pub use lattice::Wanted;
 use source::Warped;
@@ -41,6 +42,43 @@ pub struct WarpJob {
     pub resampling: &'static Resampling,
 }
 
+impl WarpJob {
+    /// The job that is asked for instead of a copy, if one is.
+    ///
+    /// # Errors
+    /// Usage: another lattice without a way to find heights, or a way and no other lattice.
+    pub fn asked(
+        copy: &ConvertJob,
+        transform: Option<Transform>,
+        wanted: Wanted,
+        resampling: Option<&'static Resampling>,
+    ) -> Result<Option<Self>> {
+        let options = [
+            ("--to-crs", transform.is_some()),
+            ("--resolution", wanted.resolution.is_some()),
+            ("--extent", wanted.extent.is_some()),
+            ("--like", wanted.like.is_some()),
+        ];
+        let given = options.into_iter().find(|(_, given)| *given).map(|(option, _)| option);
+        match (given, resampling) {
+            (None, None) => Ok(None),
+            (Some(_), Some(resampling)) => {
+                Ok(Some(Self { copy: copy.clone(), transform, wanted, resampling }))
+            }
+            (Some(option), None) => {
+                let names = registry::offered(RESAMPLINGS, |own| own.name.to_owned());
+                let message =
+                    format!("{option} moves samples, and grids are never resampled unless asked");
+                Err(Error::usage(message).remedy(format!("say how with --resampling: {names}")))
+            }
+            (None, Some(_)) => {
+                Err(Error::usage("--resampling alone leaves every sample where it is")
+                    .remedy("add --to-crs, --resolution, --extent or --like, or leave it out"))
+            }
+        }
+    }
+}
+
 /// Writes a grid on another lattice. Unless told otherwise, samples are of the grid's type where heights stay what they
 /// are, and else of single precision, or of double where the grid has heights that single precision does not hold.
 ///
@@ -57,7 +95,7 @@ pub fn run(job: &WarpJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Co
         let transformed = operation.as_ref().map(Transformed::of);
         let warped = job.warped(inner, operation, nowhere.clone())?;
         about = Some((transformed, warped.scale()));
-        Ok((Box::new(warped), notes))
+        Ok(Front::of(Box::new(warped), notes))
     })?;
     let (transformed, scale) = about.unwrap_or((None, Scale::ONE));
     let mut notes = report.notes.clone();
