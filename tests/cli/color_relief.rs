@@ -9,7 +9,8 @@ const COLOURS: &str =
 /// Bytes of a band.
 fn band(place: &Place, name: &str, band: &str) -> Vec<f64> {
     let one = format!("{name}.{band}.tif");
-    place.ok(&["convert", name, &one, "--band", band, "--overwrite", "-q"]);
+    let wide = ["--type", "float32", "--out-nodata", "-1"];
+    place.ok(&[&["convert", name, &one, "--band", band, "--overwrite", "-q"][..], &wide].concat());
     values(place, &one).1
 }
 

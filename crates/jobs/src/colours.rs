@@ -1,16 +1,17 @@
 //! Colours of a grid's heights as a picture: bands of bytes in front of the grid that is read, which are copied as any
 //! other.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::convert::{self, ConvertJob, ConvertReport, Front};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_files::RawFile;
+use terrane_files::{RawFile, lock};
 use terrane_raster::{GridInfo, GridSource, SampleType, write};
-use terrane_relief::{Between, Palette, Table};
+use terrane_relief::{Between, Colour, Palette, Table};
 
 /// Most bytes of a file of colours.
 const MOST_BYTES: u64 = 1 << 20;
@@ -18,8 +19,8 @@ const MOST_BYTES: u64 = 1 << 20;
 const ROWS: u32 = 64;
 /// Columns and rows whose colours are found together.
 const PIECE: [u32; 2] = [512, 64];
-/// Bytes that a thread holds: heights of a piece, and of other bands what is coded of a block.
-const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 + (1 << 20);
+/// Bytes that a thread holds: heights of a piece, and of a usual block the colours and what is coded of other bands.
+const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 + (2 << 20);
 
 /// A picture to be written.
 #[derive(Clone, Debug)]
@@ -51,7 +52,7 @@ pub fn run(job: &ColourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
             false => [0.0; 2],
         };
         let nodata = own.nodata.map(|value| value * own.scale + own.offset);
-        let table = Arc::new(palette.table(range, nodata, job.between));
+        let table = palette.table(range, nodata, job.between);
         let info = GridInfo {
             sample_type: SampleType::U8,
             nodata: None,
@@ -60,12 +61,11 @@ pub fn run(job: &ColourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
             crs: own.crs.without_heights(),
             ..own.clone()
         };
-        let inner: Arc<dyn GridSource> = inner.into();
-        let band = |part: usize| -> Box<dyn GridSource> {
-            let (info, inner, table) = (info.clone(), inner.clone(), table.clone());
-            Box::new(Band { info, inner, table, part })
-        };
         let parts = if job.opacity { 4 } else { 3 };
+        let painted = Arc::new(Painted { info, inner, table, parts, waiting: Mutex::default() });
+        let band = |part: usize| -> Box<dyn GridSource> {
+            Box::new(Band { painted: painted.clone(), part })
+        };
         Ok(Front::of_colours((0..parts).map(band).collect(), Vec::new()))
     })?;
     // Of bytes of colours nothing is to be told.
@@ -111,17 +111,21 @@ fn range(grid: &dyn GridSource, progress: &dyn Progress, cancel: &Cancel) -> Res
     Ok(if range[0] <= range[1] { range } else { [0.0; 2] })
 }
 
-/// One part of the colours of a grid.
-struct Band {
+/// A grid and its colours.
+struct Painted {
     info: GridInfo,
-    inner: Arc<dyn GridSource>,
-    table: Arc<Table>,
-    part: usize,
+    inner: Box<dyn GridSource>,
+    table: Table,
+    /// Bands of it.
+    parts: usize,
+    /// Colours of rectangles of which not all parts were asked for yet: they are asked for one after the other.
+    waiting: Mutex<HashMap<Rect, Vec<Colour>>>,
 }
 
-impl Band {
-    fn read<H: From<u8>>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+impl Painted {
+    fn colours(&self, rect: Rect) -> Result<Vec<Colour>> {
         let mut heights = vec![0.0; PIECE[0] as usize * PIECE[1] as usize];
+        let mut colours = vec![Colour::default(); rect.len()];
         for row in (rect.row..rect.end_row()).step_by(PIECE[1] as usize) {
             for col in (rect.col..rect.end_col()).step_by(PIECE[0] as usize) {
                 let piece = Rect::new(col, row, PIECE[0], PIECE[1]).intersect(&rect);
@@ -130,11 +134,30 @@ impl Band {
                 for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
                     let down = (piece.row - rect.row) as usize + down;
                     let first = down * rect.width as usize + (piece.col - rect.col) as usize;
-                    for (out, height) in out[first..].iter_mut().zip(heights) {
-                        *out = self.table.part(*height, self.part).into();
+                    for (colour, height) in colours[first..].iter_mut().zip(heights) {
+                        *colour = self.table.at(*height);
                     }
                 }
             }
+        }
+        Ok(colours)
+    }
+}
+
+/// One part of the colours of a grid.
+struct Band {
+    painted: Arc<Painted>,
+    part: usize,
+}
+
+impl Band {
+    fn read<H: From<u8>>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let Self { painted, part } = self;
+        let waiting = lock(&painted.waiting).remove(&rect);
+        let colours = waiting.map_or_else(|| painted.colours(rect), Ok)?;
+        out.iter_mut().zip(&colours).for_each(|(out, colour)| *out = colour[*part].into());
+        if part + 1 < painted.parts {
+            lock(&painted.waiting).insert(rect, colours);
         }
         Ok(())
     }
@@ -142,7 +165,7 @@ impl Band {
 
 impl GridSource for Band {
     fn info(&self) -> &GridInfo {
-        &self.info
+        &self.painted.info
     }
 
     fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
@@ -154,18 +177,18 @@ impl GridSource for Band {
     }
 
     fn block_bytes(&self) -> u64 {
-        self.inner.block_bytes()
+        self.painted.inner.block_bytes()
     }
 
     fn members(&self) -> Vec<PathBuf> {
-        self.inner.members()
+        self.painted.inner.members()
     }
 
     fn release(&self, rect: Rect) {
-        self.inner.release(rect);
+        self.painted.inner.release(rect);
     }
 
     fn copied(&self, rect: Rect) {
-        self.inner.copied(rect);
+        self.painted.inner.copied(rect);
     }
 }

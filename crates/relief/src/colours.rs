@@ -170,35 +170,35 @@ pub struct Table {
 
 impl Table {
     /// The colour of a height; that of voids for what is not a number. Takes time logarithmic in the colours.
-    pub fn at(&self, height: f64) -> Colour {
-        [0, 1, 2, 3].map(|part| self.part(height, part))
-    }
-
-    /// One part of it: 0 red, 1 green, 2 blue, 3 opacity.
     #[inline]
-    pub fn part(&self, height: f64, part: usize) -> u8 {
-        let colour = |at: usize| self.colours[at][part];
+    pub fn at(&self, height: f64) -> Colour {
         let above = self.heights.partition_point(|own| *own < height);
         let is_exact = self.heights.get(above) == Some(&height);
         match (above, self.between) {
-            _ if height.is_nan() || self.heights.is_empty() => self.void[part],
-            _ if is_exact => colour(above),
-            (_, Between::Nothing) => 0,
-            (0, _) => colour(0),
-            (above, _) if above == self.heights.len() => colour(above - 1),
+            _ if height.is_nan() || self.heights.is_empty() => self.void,
+            _ if is_exact => self.colours[above],
+            (_, Between::Nothing) => [0; 4],
+            (0, _) => self.colours[0],
+            (above, _) if above == self.heights.len() => self.colours[above - 1],
             (above, Between::Nearest) => {
                 let [low, high] = [self.heights[above - 1], self.heights[above]];
-                colour(if height - low < high - height { above - 1 } else { above })
+                self.colours[if height - low < high - height { above - 1 } else { above }]
             }
             (above, Between::Mixed) => {
                 let [low, high] = [self.heights[above - 1], self.heights[above]];
                 let share = (height - low) / (high - low);
-                let [from, to] = [colour(above - 1), colour(above)].map(f64::from);
-                // Nine twentieths, not a half, go up: as gdaldem has it.
-                (0.45 + from + share * (to - from)) as u8
+                let [from, to] = [self.colours[above - 1], self.colours[above]];
+                std::array::from_fn(|part| mixed(from[part], to[part], share))
             }
         }
     }
+}
+
+/// A part of a colour between two: nine twentieths, not a half, go up, as gdaldem has it.
+#[inline(always)]
+fn mixed(from: u8, to: u8, share: f64) -> u8 {
+    let [from, to] = [from, to].map(f64::from);
+    (0.45 + from + share * (to - from)) as u8
 }
 
 #[cfg(test)]

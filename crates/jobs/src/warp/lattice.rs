@@ -85,14 +85,19 @@ pub(super) fn scale(lattice: &Lattice, grid: &GridInfo, way: &Way) -> Result<[f6
     if let Some(by) = slopes(back, [lattice.width, lattice.height].map(middle)) {
         return Ok([by[0][0].hypot(by[1][0]), by[0][1].hypot(by[1][1])]);
     }
-    let [x, y] = grid.transform.apply(middle(grid.width), middle(grid.height));
-    let [x, y] = way.there([x, y])?;
-    let there = lattice.transform.invert(x, y);
-    let by = slopes(back, there).ok_or_else(|| {
-        Error::unsupported("the middle of the grid has no place in the system to write in")
-            .remedy("take a part of the grid (--bbox)")
-    })?;
-    Ok([by[0][0].hypot(by[1][0]), by[0][1].hypot(by[1][1])])
+    let there = |at: [f64; 2]| {
+        let [x, y] = way.there(grid.transform.apply(at[0], at[1])).ok()?;
+        Some(lattice.transform.invert(x, y))
+    };
+    let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
+        return Err(placeless().remedy("take a part of the grid (--bbox)"));
+    };
+    let whole = (a[0] * b[1] - a[1] * b[0]).abs();
+    Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])
+}
+
+fn placeless() -> Error {
+    Error::unsupported("the middle of the grid has no place in the system to write in")
 }
 
 /// How a map changes by each of two coordinates, over a step around a place.
@@ -122,10 +127,8 @@ fn natural(grid: &GridInfo, way: &Way) -> Result<[f64; 2]> {
     let side = slopes(there, [middle(grid.width), middle(grid.height)])
         .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
         .filter(|side| *side > 0.0 && side.is_finite());
-    side.map(|side| [side; 2]).ok_or_else(|| {
-        Error::unsupported("the middle of the grid has no place in the system to write in")
-            .remedy("say how large cells are to be (--resolution)")
-    })
+    side.map(|side| [side; 2])
+        .ok_or_else(|| placeless().remedy("say how large cells are to be (--resolution)"))
 }
 
 /// The rectangle around the cells of a grid in another system.
