@@ -101,7 +101,7 @@ impl Palette {
         let mut colours: Vec<(f64, Colour)> =
             self.0.iter().filter_map(|(at, colour)| Some((height(*at)?, *colour))).collect();
         colours.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if let (Some(value), Some(_), true) = (nodata, void, between == Between::Mixed) {
+        if let (Some(value), Some(_), true) = (nodata, void, between != Between::Nothing) {
             step(&mut colours, value);
         }
         let (heights, colours) = colours.into_iter().unzip();
@@ -260,7 +260,7 @@ mod tests {
             ([0, 10, 100, 255], [0; 4])
         );
         // A step: from below and from above.
-        assert_eq!(at(Between::Mixed, 9.999_999), [254, 20, 0, 255]);
+        assert_eq!(at(Between::Mixed, 9.999_999), [255, 20, 0, 255]);
         assert_eq!(at(Between::Mixed, 10.000_001), [7, 7, 7, 255]);
         // Voids that no line names cannot be seen; colours are not mixed across their value.
         assert_eq!(at(Between::Mixed, f64::NAN), [0; 4]);
