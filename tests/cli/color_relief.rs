@@ -19,7 +19,9 @@ fn pixels_are_the_colours_of_heights_in_every_format() {
     let place = Place::new();
     place.write("c.txt", COLOURS);
     place.ok(&["synth", "salt,size=150,voids=0.01,seed=5", "dem.tif", "-q"]);
-    let heights = values(&place, "dem.tif").1;
+    // As they are stored, not as they are written as text.
+    let heights: Vec<f64> =
+        values(&place, "dem.tif").1.iter().map(|z| f64::from(*z as f32)).collect();
     let valid = || heights.iter().filter(|z| !z.is_nan());
     let (low, high) = valid().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
     let mut entries = vec![

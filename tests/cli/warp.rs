@@ -102,7 +102,8 @@ fn samples_are_those_of_the_operation_and_the_formula() {
                 let is_near = (wanted.is_nan() && found.is_nan()) || (found - wanted).abs() < 1e-4;
                 assert!(is_near, "{target} {name} {i}: {found}, not {wanted}");
             }
-            let whole = 1500.0 * 1250.0 / 1e4 * if cell == 70.0 { 2.0 } else { 16.0 };
+            let metres = if cell < 1.0 { [76_100.0, 111_200.0] } else { [1.0; 2] };
+            let whole = 1500.0 * 1250.0 / (cell * metres[0] * cell * metres[1]);
             assert!(valid as f64 > 0.9 * whole, "{valid} of {whole}");
             assert_eq!(told["resampling"], name);
             assert!(told["transformed"]["operation"].as_str().unwrap().contains("CH1903+"));

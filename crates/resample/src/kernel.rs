@@ -41,7 +41,12 @@ fn close<K: Kernel, const TAPS: usize>(window: &Window<'_>, place: Place) -> f64
         std::array::from_fn(|tap| K::weight((tap as f64 - from).abs()))
     });
     let found = whole(window, &Taps { first, weights: weights.each_ref().map(|own| &own[..]) });
-    if found.is_nan() { partial(window, place, Scale::ONE) } else { found }
+    // Some of them may have no weight.
+    if found.is_nan() {
+        far::<K>(window, place, Scale::ONE, TAPS / 2, &mut Default::default())
+    } else {
+        found
+    }
 }
 
 /// By all samples that what is asked for stands for.
@@ -57,7 +62,8 @@ fn far<K: Kernel>(
     if found.is_nan() { partial(window, place, scale) } else { found }
 }
 
-/// Fills the weights of the samples along both axes, and tells the first of them.
+/// Fills the weights of the samples along both axes, but for those at the ends that have none, and tells the first of
+/// them.
 fn weigh<K: Kernel>(
     place: Place,
     scale: Scale,
@@ -70,8 +76,13 @@ fn weigh<K: Kernel>(
         let first = at.floor() as i64 - reach + 1;
         weights[axis].clear();
         let distance = |tap: i64| ((first + tap) as f64 - at).abs() / scale;
-        weights[axis].extend((0..2 * reach).map(|tap| K::weight(distance(tap))));
-        first
+        let own = (0..2 * reach).map(|tap| K::weight(distance(tap)));
+        let none = own.clone().take_while(|weight| *weight == 0.0).count();
+        weights[axis].extend(own.skip(none));
+        while weights[axis].last() == Some(&0.0) {
+            weights[axis].pop();
+        }
+        first + none as i64
     })
 }
 
