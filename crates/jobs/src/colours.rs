@@ -140,6 +140,7 @@ impl Painted {
                 }
             }
         }
+        self.inner.copied(rect);
         Ok(colours)
     }
 }

@@ -92,15 +92,21 @@ impl Derived {
                 }
             }
         }
+        self.inner.copied(self.around(rect));
         Ok(())
+    }
+
+    /// What of the grid is one more sample on each side of a rectangle.
+    fn around(&self, rect: Rect) -> Rect {
+        let [left, top] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
+        let around = Rect::new(left, top, rect.end_col() + 1 - left, rect.end_row() + 1 - top);
+        around.intersect(&self.info.bounds())
     }
 
     /// Reads heights with one more sample on each side.
     fn heights(&self, rect: Rect, piece: &mut Piece) -> Result<()> {
         let Piece { heights, inner } = piece;
-        let [left, top] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
-        let read = Rect::new(left, top, rect.end_col() + 1 - left, rect.end_row() + 1 - top);
-        let read = read.intersect(&self.info.bounds());
+        let read = self.around(rect);
         let [width, height] = [rect.width as usize + 2, rect.height as usize + 2];
         heights.resize(width * height, f64::NAN);
         if read.len() == heights.len() {
