@@ -60,12 +60,13 @@ mod cli;
 mod facade;
 
 // The rooms, by the names that the command line has for them.
-use terrane_base::{attribute, bound, error, geom};
+use terrane_base::{attribute, bound, error, geom, registry};
 use terrane_files::{self as files, atomic};
 use terrane_synth as synth;
+use terrane_vector as vector;
 use {terrane_cloud as cloud, terrane_gridding as gridding, terrane_jobs as jobs};
 use {terrane_line as line, terrane_mesh as mesh, terrane_methods as methods};
-use {terrane_raster as raster, terrane_relief as relief, terrane_vector as vector};
+use {terrane_raster as raster, terrane_relief as relief, terrane_resample as resample};
 
 /// The command line: runs what `args` say, the name of the program first, and tells what became of it on the
 /// standard streams. It is of a whole process, whose signals and allocator it sets, and no part of the library.

@@ -23,6 +23,7 @@ use terrane_line as line;
 use terrane_mesh as mesh;
 use terrane_methods as methods;
 use terrane_raster as raster;
+use terrane_resample as resample;
 use terrane_synth as synth;
 use terrane_vector as vector;
 
@@ -112,6 +113,10 @@ fn make_inputs(place: &Place) {
     });
     place.write("in/mixed.geojson", MIXED);
     place.write("in/photo.png", photograph([97, 61], 3));
+    place.write(
+        "in/colours.txt",
+        "0% 0 90 30\n40% 250 240 130\n700 brown 200\n100% white\nnv 0 0 0 0\n",
+    );
     let areas = "POLYGON ((7 46, 7.235 46.02, 7.205 46.175, 7 46), (7.1 46.06, 7.15 46.06, 7.15 46.1, 7.1 46.06))";
     let points = (0..40).map(|i| format!("({} {})", 500_003 + i * 31, 4_749_996 - i * 173 % 1100));
     let points = format!("MULTIPOINT ({})", points.collect::<Vec<_>>().join(", "));
@@ -249,6 +254,15 @@ fn jobs() -> Vec<String> {
         add(format!("convert ../in/rough.tif o.tif {options}"));
     }
     add("convert ../in/rough.tif o.png --co ENCODING=TERRARIUM --round".into());
+    for name in resample::RESAMPLINGS.iter().map(|own| own.name) {
+        for to in ["--to-crs EPSG:4326", "--to-crs EPSG:3035 --resolution 75", "--like rough.tif"] {
+            let to = to.replace("rough.tif", "../in/smooth.tif");
+            add(format!("convert ../in/rough.tif o.tif --resampling {name} {to}"));
+        }
+    }
+    for (ending, how) in [("tif", ""), ("tif", "-f COG --alpha"), ("png", "--alpha --nearest")] {
+        add(format!("color-relief ../in/rough.tif ../in/colours.txt o.{ending} {how}"));
+    }
     for method in line::METHODS {
         let name = method.name;
         let (much, little) = match method.bounds {

@@ -127,6 +127,7 @@ fn make_inputs(place: &Place) {
     }
     // Far more bytes than the least budget.
     place.ok(&["synth", "rough,size=2817", "large.tif", "-q"]);
+    place.write("colours.txt", "0% 0 90 30\n40% 250 240 130\n100% white\nnv 0 0 0 0\n");
     place.ok(&["tin", "large.tif", "large.ply", "--max-error", "20", "-q"]);
     place.ok(&["tin", "large.tif", "full.ply", "--max-error", "2", "-q"]);
     let corners = "501000 4730000, 520000 4730000, 520000 4749000, 501000 4749000, 501000 4730000";
@@ -262,6 +263,10 @@ const JOBS: &[&str] = &[
     "convert dem.tif o.tif --format COG",
     "convert dem.tif o.asc",
     "convert large.tif o.tif --type float64",
+    "convert large.tif o.tif --to-crs EPSG:4326 --resampling cubic",
+    "convert large.tif o2.tif -f COG --resolution 90 --resampling bilinear",
+    "color-relief large.tif colours.txt o3.tif --alpha",
+    "color-relief large.tif colours.txt o4.png",
     "contour large.tif -o o.fgb --interval 100",
     "view dem.tif -o o.png --width 400",
     "view dem.ply -o o.png --width 400",

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Derivatives of grids as terrane and gdaldem have them, sample by sample.
+"""Derivatives and colours of grids as terrane and gdaldem have them, sample by sample.
 
     compare_gdaldem.py TERRANE DEM... [--times]
 
 Needs gdaldem and gdal_translate (Debian: gdal-bin) and numpy. Exits with 1 where a sample differs by more than
-rounding in single precision, or is void in one of the two only.
+rounding in single precision, or is void in one of the two only, or where a part of a colour differs.
 """
 import argparse
 import pathlib
@@ -36,6 +36,18 @@ KINDS = [
     ("tri", [], ["TRI", "-alg", "Riley"], 1e-3),
     ("tri", ["--wilson"], ["TRI", "-alg", "Wilson"], 1e-3),
 ]
+
+# A file of colours, and how it may be used; but for --exact, as gdaldem 3.6 finds the lowest entry alone.
+COLOURS = """# sea to snow
+0 70 120 180
+10%:120:170,90
+250.5\torange 128
+50% 200 140 90 77
+2000 BROWN
+100% white
+nv 1 2 3 0
+"""
+WAYS = [([], []), (["--alpha"], ["-alpha"]), (["--nearest", "--alpha"], ["-nearest_color_entry", "-alpha"])]
 
 
 def run(command):
@@ -71,6 +83,28 @@ def beside_edges(heights):
     return near
 
 
+def pixels(path, folder):
+    """Bytes of all bands."""
+    raw = folder / "raw.bin"
+    run(["gdal_translate", "-q", "-of", "ENVI", "-co", "INTERLEAVE=BSQ", "-ot", "Byte", path, raw])
+    return np.fromfile(raw, "u1")
+
+
+def compare_colours(terrane, dem, name, folder, times):
+    """Whether colours differ."""
+    colours, ours, other, worst = folder / "colours.txt", folder / "ours.tif", folder / "other.tif", False
+    colours.write_text(COLOURS)
+    for more, theirs in WAYS:
+        mine = run([terrane, "color-relief", dem, colours, ours, *more, "--threads", 1, "--overwrite", "-q"])
+        took = run(["gdaldem", "color-relief", dem, colours, other, *theirs, "-q"])
+        a, b = pixels(ours, folder), pixels(other, folder)
+        off = int((a != b).sum()) if a.shape == b.shape else max(a.size, b.size)
+        worst |= off > 0
+        seconds = f", {mine:.2f} s for {took:.2f} s" if times else ""
+        print(f"{name} color-relief {' '.join(more)}: {off} of {a.size} bytes differ{seconds}{'  WRONG' if off else ''}")
+    return worst
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("terrane", type=pathlib.Path)
@@ -89,6 +123,7 @@ def main():
             run([args.terrane, "slope", dem_tif, folder / "steep.tif", "--percent", *(["--scale", scale] if scale != 1 else []),
                  "--overwrite", "-q"])
             steep = np.nan_to_num(samples(folder / "steep.tif", folder)) / 100
+            worst |= compare_colours(args.terrane, dem_tif, dem.name, folder, args.times)
             for verb, more, theirs, most in KINDS:
                 ours, other = folder / f"ours-{verb}.tif", folder / f"other-{verb}.tif"
                 of_slopes = verb in ("slope", "aspect", "hillshade")

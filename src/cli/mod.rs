@@ -4,6 +4,7 @@
 //! `VERBS`. Verbs take from `shared`, and it takes from none of them. Results go to stdout, progress and
 //! messages to stderr.
 
+mod color_relief;
 mod completions;
 mod contour;
 mod convert;
@@ -52,6 +53,7 @@ const VERBS: &[Entry] = &[
     Entry::of::<relief::Args<relief::Slope>>(),
     Entry::of::<relief::Args<relief::Aspect>>(),
     Entry::of::<relief::Args<relief::Hillshade>>(),
+    Entry::of::<color_relief::Args>(),
     Entry::of::<relief::Args<relief::Curvature>>(),
     Entry::of::<relief::Args<relief::Roughness>>(),
     Entry::of::<relief::Args<relief::Tpi>>(),

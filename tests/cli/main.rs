@@ -10,6 +10,7 @@ mod tiff_builder;
 
 mod bad_input;
 mod cloud;
+mod color_relief;
 mod contour;
 mod crs_matrix;
 mod demo_methods;
@@ -57,4 +58,5 @@ mod tin_methods;
 mod transform;
 mod view_cloud;
 mod view_page;
+mod warp;
 mod water;

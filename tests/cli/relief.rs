@@ -5,7 +5,7 @@ use crate::cli_support::{Place, json};
 const VERBS: [&str; 7] = ["slope", "aspect", "hillshade", "curvature", "roughness", "tpi", "tri"];
 
 /// Values of a grid, row by row, and its columns.
-fn values(place: &Place, name: &str) -> (usize, Vec<f64>) {
+pub(crate) fn values(place: &Place, name: &str) -> (usize, Vec<f64>) {
     let ascii = format!("{name}.values.asc");
     place.ok(&["convert", name, &ascii, "--overwrite", "-q"]);
     let text = String::from_utf8(place.bytes(&ascii)).unwrap();

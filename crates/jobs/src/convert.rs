@@ -18,11 +18,12 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use crate::reading::Reading;
+use crate::transform::Transformed;
 use crate::{Cancel, Progress, Resources};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{beside_grid, path_of};
-use terrane_raster::write::{self, GridFormat, GridSink, WriteOptions};
+use terrane_raster::write::{self, BandName, GridFormat, GridSink, WriteOptions};
 use terrane_raster::{
     self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType, WaterReport,
 };
@@ -78,6 +79,7 @@ impl ConvertJob {
             round: self.round,
             temp_dir: self.resources.temp_dir.clone(),
             bands: Vec::new(),
+            are_colours: false,
             read: Vec::new(),
         }
     }
@@ -107,6 +109,15 @@ pub struct ConvertReport {
     pub width: u32,
     pub height: u32,
     pub crs: String,
+    /// What led to the system of the output, where that is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
+    /// How heights were found between samples, where they were, and how many columns and rows of the grid there are to
+    /// one of the output.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resampling: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<[f64; 2]>,
     pub sample_type: String,
     pub nodata: Option<f64>,
     pub samples: u64,
@@ -127,25 +138,53 @@ pub struct ConvertReport {
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    run_of(job, progress, cancel, |source| Ok((source, Vec::new())))
+    run_of(job, 0, progress, cancel, |source| Ok(Front::of(source, Vec::new())))
 }
 
-/// As [`run`], of what stands in front of the grid that is read, with what is to be said of that.
+/// What stands in front of a grid that is read.
+pub(crate) struct Front {
+    /// What is written, alike in size and type.
+    bands: Vec<Box<dyn GridSource>>,
+    /// What the bands are called, where they are colours.
+    colours: Vec<BandName>,
+    /// What is to be said of it.
+    notes: Vec<String>,
+}
+
+impl Front {
+    /// A grid.
+    pub(crate) fn of(grid: Box<dyn GridSource>, notes: Vec<String>) -> Self {
+        Self { bands: vec![grid], colours: Vec::new(), notes }
+    }
+
+    /// Red, green, blue and perhaps opacity.
+    pub(crate) fn of_colours(bands: Vec<Box<dyn GridSource>>, notes: Vec<String>) -> Self {
+        let names = ["red", "green", "blue", "opacity"].into_iter().take(bands.len());
+        let named =
+            |name: &str| BandName { name: name.to_owned(), in_vertical_unit: false, counts: false };
+        Self { bands, colours: names.map(named).collect(), notes }
+    }
+}
+
+/// As [`run`], of what stands in front of the grid that is read, with what is to be said of that; reading from it a
+/// thread holds so many bytes.
 pub(crate) fn run_of(
     job: &ConvertJob,
+    held: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
-    front: impl FnOnce(Box<dyn GridSource>) -> Result<(Box<dyn GridSource>, Vec<String>)>,
+    front: impl FnOnce(Box<dyn GridSource>) -> Result<Front>,
 ) -> Result<ConvertReport> {
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format)?;
+    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format, held)?;
     let options = job.reading.options(&job.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
-    let (source, mut notes) = front(source)?;
-    let report = copy(source.as_ref(), job, progress, cancel)?;
+    let Front { bands, colours, mut notes } = front(source)?;
+    let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
+    let report = copy_of(&bands, colours, job, held, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
     notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
     Ok(ConvertReport { notes, water, ..report })
@@ -158,17 +197,31 @@ pub fn copy(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
+    copy_of(&[source], Vec::new(), job, 0, progress, cancel)
+}
+
+/// Copies a band, or several that are colours, with these names.
+fn copy_of(
+    bands: &[&dyn GridSource],
+    colours: Vec<BandName>,
+    job: &ConvertJob,
+    held: u64,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
     let start = Instant::now();
     let format = write::by_path(&job.output, job.format.as_deref())?;
-    let budget = Budget::divide(job, format)?;
+    let budget = Budget::divide(job, format, held)?;
+    let Some(source) = bands.first().copied() else { return Ok(ConvertReport::default()) };
     let (window, info) = (source.info().bounds(), source.info());
-    let options = WriteOptions { read: job.read_beside(source)?, ..job.write_options() };
+    let (are_colours, read) = (!colours.is_empty(), job.read_beside(source)?);
+    let options = WriteOptions { read, bands: colours, are_colours, ..job.write_options() };
     let mut sink = format.create(&job.output, info, &options)?;
     let threads = budget.threads_for(sink.as_ref(), format)?;
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);
     let pieces = Pieces::new(window, source, sink.as_ref(), budget.cache);
-    let task = Task { sources: &[source], window, sink: sink.as_ref(), pieces };
+    let task = Task { sources: bands, window, sink: sink.as_ref(), pieces };
     let summary = task.run(threads, progress, cancel)?;
     progress.end();
     copy_levels(sink.as_mut(), threads, progress, cancel)?;
@@ -231,6 +284,8 @@ struct Budget {
     /// Bytes for decoded blocks of the source.
     cache: usize,
     memory: u64,
+    /// Bytes that a thread holds beside a block.
+    held: u64,
 }
 
 /// Samples of a block when nothing else is known, as in a tile of 512 x 512.
@@ -241,12 +296,12 @@ const LEAST_CACHE: u64 = 8 << 20;
 impl Budget {
     /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
     /// where memory is short.
-    fn divide(job: &ConvertJob, format: &GridFormat) -> Result<Self> {
+    fn divide(job: &ConvertJob, format: &GridFormat, held: u64) -> Result<Self> {
         let Resources { threads, memory, .. } = job.resources;
         let side = job.creation.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
         let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
         let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
-        let block = samples.saturating_mul(format.bytes_per_sample);
+        let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(held);
         let least = block.saturating_add(LEAST_CACHE);
         if memory < least {
             return Err(too_small(memory, least));
@@ -255,7 +310,7 @@ impl Budget {
         let threads = threads.clamp(1, usize::try_from(most).unwrap_or(usize::MAX));
         let share = threads as u64 * block;
         let cache = (memory - share).min((memory / 2).max(LEAST_CACHE));
-        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory })
+        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory, held })
     }
 
     /// Threads that the real blocks of a sink leave room for. Blocks as wide as the grid may be
@@ -264,7 +319,7 @@ impl Budget {
         let (width, height) = sink.block();
         let (info, samples) = (sink.info(), |a: u32, b: u32| u64::from(a) * u64::from(b));
         let block = samples(width.min(info.width), height.min(info.height));
-        let block = block.saturating_mul(format.bytes_per_sample).max(1);
+        let block = block.saturating_mul(format.bytes_per_sample).saturating_add(self.held).max(1);
         match (self.memory - self.cache as u64) / block {
             0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * LEAST_CACHE))),
             most => Ok(self.threads.min(usize::try_from(most).unwrap_or(usize::MAX))),

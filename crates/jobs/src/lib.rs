@@ -6,6 +6,7 @@ pub mod breaklines;
 pub mod cloud_picture;
 pub mod cloud_stats;
 pub mod cloud_tin;
+pub mod colours;
 pub mod contour;
 pub mod convert;
 pub mod delaunay;
@@ -40,6 +41,7 @@ pub mod transform;
 pub mod translate;
 pub mod verify;
 pub mod view;
+pub mod warp;
 mod water;
 mod workers;
 

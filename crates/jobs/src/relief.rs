@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::convert::{self, ConvertJob, ConvertReport};
+use crate::convert::{self, ConvertJob, ConvertReport, Front};
 use crate::ground::Ground;
 use crate::{Cancel, Progress};
 use terrane_base::error::Result;
@@ -36,7 +36,7 @@ pub struct ReliefJob {
 /// # Errors
 /// Those of [`convert::run`]; units of heights whose length is not known, and degrees beyond a pole.
 pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    convert::run_of(&job.copy, progress, cancel, |inner| {
+    convert::run_of(&job.copy, 0, progress, cancel, |inner| {
         let info = inner.info();
         let ground = match job.scale {
             Some(scale) => Ground::scaled(info, scale),
@@ -55,7 +55,8 @@ pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         };
         let info = GridInfo { sample_type, nodata, crs, scale: 1.0, offset: 0.0, ..info.clone() };
         let (derivative, notes) = (Arc::clone(&job.derivative), ground.notes());
-        Ok((Box::new(Derived { info, inner, derivative, ground, edges: job.edges }), notes))
+        let derived = Derived { info, inner, derivative, ground, edges: job.edges };
+        Ok(Front::of(Box::new(derived), notes))
     })
 }
 
@@ -69,67 +70,64 @@ struct Derived {
 }
 
 /// Heights of a piece and of one sample around it.
+#[derive(Default)]
 struct Piece {
-    rect: Rect,
     heights: Vec<f64>,
+    /// What of them is in the grid, where that is not all.
+    inner: Vec<f64>,
 }
 
 impl Derived {
     /// Hands on each row of a rectangle, piece by piece, with its first column and its row.
     fn each(&self, rect: Rect, found: &mut dyn FnMut([u32; 2], &[f64])) -> Result<()> {
-        let mut out = vec![0.0; PIECE[0] as usize];
+        let (mut out, mut heights) = (vec![0.0; PIECE[0] as usize], Piece::default());
         for row in (rect.row..rect.end_row()).step_by(PIECE[1] as usize) {
             for col in (rect.col..rect.end_col()).step_by(PIECE[0] as usize) {
                 let piece = Rect::new(col, row, PIECE[0], PIECE[1]).intersect(&rect);
-                let heights = self.heights(piece)?;
+                self.heights(piece, &mut heights)?;
                 for row in piece.row..piece.end_row() {
                     let out = &mut out[..piece.width as usize];
-                    self.row(&heights, row, out);
+                    self.row(piece, &heights.heights, row, out);
                     found([piece.col, row], out);
                 }
             }
         }
+        self.inner.copied(self.around(rect));
         Ok(())
     }
 
-    /// Reads heights with one more sample on each side.
-    fn heights(&self, rect: Rect) -> Result<Piece> {
-        let all = self.info.bounds();
-        // Two beyond, so that a line goes through two at the border.
-        let [left, top] = [rect.col.saturating_sub(2), rect.row.saturating_sub(2)];
-        let [right, bottom] = [rect.end_col() + 2, rect.end_row() + 2];
-        let read = Rect::new(left, top, right - left, bottom - top).intersect(&all);
-        let mut inner = vec![0.0; read.len()];
-        self.inner.read_f64(read, &mut inner)?;
-        let at = |col: i64, row: i64| {
-            let is_in = |at: i64, count: u32| (0..i64::from(count)).contains(&at);
-            if !is_in(col, all.width) || !is_in(row, all.height) {
-                return f64::NAN;
-            }
-            inner[(row - i64::from(read.row)) as usize * read.width as usize
-                + (col - i64::from(read.col)) as usize]
-        };
-        let beyond = |at: i64, count: u32| match at {
-            -1 => 1,
-            _ if at == i64::from(count) => -1,
-            _ => 0,
-        };
-        let height = |col: i64, row: i64| {
-            let [x, y] = [beyond(col, all.width), beyond(row, all.height)];
-            if !self.edges || (x == 0 && y == 0) {
-                return at(col, row);
-            }
-            let [next, after] = [at(col + x, row + y), at(col + 2 * x, row + 2 * y)];
-            if after.is_nan() { next } else { 2.0 * next - after }
-        };
-        let [col, row] = [rect.col, rect.row].map(i64::from);
-        let [cols, rows] = [rect.width, rect.height].map(i64::from);
-        let all = (row - 1..=row + rows)
-            .flat_map(|row| (col - 1..=col + cols).map(move |col| (col, row)));
-        Ok(Piece { rect, heights: all.map(|(col, row)| height(col, row)).collect() })
+    /// What of the grid is one more sample on each side of a rectangle.
+    fn around(&self, rect: Rect) -> Rect {
+        let [left, top] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
+        let around = Rect::new(left, top, rect.end_col() + 1 - left, rect.end_row() + 1 - top);
+        around.intersect(&self.info.bounds())
     }
 
-    fn row(&self, Piece { rect, heights }: &Piece, row: u32, out: &mut [f64]) {
+    /// Reads heights with one more sample on each side.
+    fn heights(&self, rect: Rect, piece: &mut Piece) -> Result<()> {
+        let Piece { heights, inner } = piece;
+        let read = self.around(rect);
+        let [width, height] = [rect.width as usize + 2, rect.height as usize + 2];
+        heights.resize(width * height, f64::NAN);
+        if read.len() == heights.len() {
+            return self.inner.read_f64(read, heights);
+        }
+        heights.fill(f64::NAN);
+        inner.resize(read.len(), 0.0);
+        self.inner.read_f64(read, inner)?;
+        // Of a row or column beyond the grid nothing is read.
+        let [right, down] = [usize::from(rect.col == 0), usize::from(rect.row == 0)];
+        for (row, inner) in inner.chunks(read.width as usize).enumerate() {
+            heights[(row + down) * width + right..][..inner.len()].copy_from_slice(inner);
+        }
+        if self.edges {
+            let at = [right, down, right + read.width as usize, down + read.height as usize];
+            extend(heights, width, at);
+        }
+        Ok(())
+    }
+
+    fn row(&self, rect: Rect, heights: &[f64], row: u32, out: &mut [f64]) {
         let width = rect.width as usize + 2;
         let first = (row - rect.row) as usize * width;
         let rows = [0, 1, 2].map(|down: usize| &heights[first + down * width..][..width]);
@@ -155,6 +153,31 @@ impl Derived {
     fn turn(&self, col: u32, row: u32) -> Turn {
         let col = if self.ground.is_by_row() { 0 } else { col };
         self.ground.turn(f64::from(col), f64::from(row))
+    }
+}
+
+/// Puts what is beyond the grid on the line through the two samples inside: columns and rows from the first two numbers
+/// on, and before the last two, are in the grid.
+fn extend(heights: &mut [f64], width: usize, [left, top, right, bottom]: [usize; 4]) {
+    let inward = |at: usize, first: usize, end: usize| match at {
+        at if at < first => 1,
+        at if at >= end => -1,
+        _ => 0,
+    };
+    for row in 0..heights.len() / width {
+        for col in 0..width {
+            let [x, y] = [inward(col, left, right), inward(row, top, bottom)];
+            if x == 0 && y == 0 {
+                continue;
+            }
+            let at = |steps: isize| {
+                let col = col.checked_add_signed(steps * x).filter(|c| (left..right).contains(c));
+                let row = row.checked_add_signed(steps * y).filter(|r| (top..bottom).contains(r));
+                col.zip(row).map_or(f64::NAN, |(col, row)| heights[row * width + col])
+            };
+            let [next, after] = [at(1), at(2)];
+            heights[row * width + col] = if after.is_nan() { next } else { 2.0 * next - after };
+        }
     }
 }
 

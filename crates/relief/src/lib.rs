@@ -1,5 +1,5 @@
 //! What the ground is like at a sample, from its height and those of its eight neighbours: slope, aspect, hillshade,
-//! roughness, position, ruggedness, curvature.
+//! roughness, position, ruggedness, curvature. And the colours of heights ([`Palette`]).
 //!
 //! A kind is a file here and a line in the list of verbs. All are functions of nine heights and of where a column and
 //! a row lead on the ground ([`Turn`]), so grids may be turned or have the south above.
@@ -15,6 +15,7 @@
 //! ```
 
 mod aspect;
+mod colours;
 mod curvature;
 mod position;
 mod roughness;
@@ -25,6 +26,7 @@ mod slope;
 mod tests;
 
 pub use aspect::Aspect;
+pub use colours::{Between, Colour, Fault, NAMES, Palette, Table};
 pub use curvature::{Curvature, Kind};
 pub use position::Position;
 pub use roughness::Roughness;
@@ -57,15 +59,19 @@ pub trait Derivative: Send + Sync {
     /// Of a row of samples between two others, each with one more sample on both ends: not a number where one of nine
     /// is none. Takes time linear in the samples.
     fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
-        let [above, here, below] = rows.map(|row| row.windows(3));
-        for (((above, here), below), out) in above.zip(here).zip(below).zip(out) {
-            let heights = [
-                above[0], above[1], above[2], here[0], here[1], here[2], below[0], below[1],
-                below[2],
-            ];
-            let is_whole = !heights.iter().sum::<f64>().is_nan();
-            *out = if is_whole { self.at(&heights, turn) } else { f64::NAN };
-        }
+        each(rows, out, |heights| self.at(heights, turn));
+    }
+}
+
+/// Tells something of each sample of a row that has nine heights.
+#[inline(always)]
+fn each(rows: [&[f64]; 3], out: &mut [f64], at: impl Fn(&Heights) -> f64) {
+    let [above, here, below] = rows.map(|row| row.windows(3));
+    for (((above, here), below), out) in above.zip(here).zip(below).zip(out) {
+        let heights =
+            [above[0], above[1], above[2], here[0], here[1], here[2], below[0], below[1], below[2]];
+        let is_whole = !heights.iter().sum::<f64>().is_nan();
+        *out = if is_whole { at(&heights) } else { f64::NAN };
     }
 }
 

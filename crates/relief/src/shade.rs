@@ -42,45 +42,76 @@ impl Default for Hillshade {
 
 impl Derivative for Hillshade {
     fn at(&self, heights: &Heights, turn: &Turn) -> f64 {
-        let slope = self.gradient.of(heights, turn).map(|by| by * self.exaggeration);
-        let steep = slope[0] * slope[0] + slope[1] * slope[1];
-        let bright = match self.light {
-            Light::One => self.lit(self.azimuth, slope),
-            Light::Combined => {
-                let angle = self.lit(self.azimuth, slope).clamp(-1.0, 1.0).acos();
-                1.0 - angle * steep.sqrt().atan() / (FRAC_PI_2 * FRAC_PI_2)
-            }
-            Light::Four if steep == 0.0 => self.lit(0.0, slope),
-            Light::Four => {
-                // How much the ground falls towards a light or away from it: the square of the cosine between its
-                // direction and the aspect.
-                let [east, north] = slope;
-                let south_west = 0.5 * steep + east * north;
-                let weights = [
-                    (225.0, south_west),
-                    (270.0, east * east),
-                    (315.0, steep - south_west),
-                    (360.0, north * north),
-                ];
-                let of = |(azimuth, weight): (f64, f64)| weight * self.lit(azimuth, slope).max(0.0);
-                weights.map(of).iter().sum::<f64>() / steep / 2.0
-            }
-        };
-        // Halves go up.
-        (1.0 + 254.0 * bright.max(0.0) + 0.5).floor().min(255.0)
+        self.bright(&self.lamps(), self.gradient.of(heights, turn))
     }
 
     fn is_byte(&self) -> bool {
         true
     }
+
+    fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
+        let lamps = self.lamps();
+        crate::each(rows, out, |heights| self.bright(&lamps, self.gradient.of(heights, turn)));
+    }
+}
+
+/// A light: the cosine and sine of its direction, and the sine and cosine of its height.
+#[derive(Clone, Copy)]
+struct Lamp {
+    east: f64,
+    north: f64,
+    up: f64,
+    along: f64,
+}
+
+impl Lamp {
+    fn new(azimuth: f64, altitude: f64) -> Self {
+        let (azimuth, altitude) = (azimuth.to_radians(), altitude.to_radians());
+        let (east, north) = (azimuth.sin(), azimuth.cos());
+        Self { east, north, up: altitude.sin(), along: altitude.cos() }
+    }
+
+    /// The cosine between it and what is upright.
+    #[inline(always)]
+    fn lit(&self, [east, north]: [f64; 2]) -> f64 {
+        let across = east * self.east + north * self.north;
+        (self.up - self.along * across) / (1.0 + east * east + north * north).sqrt()
+    }
 }
 
 impl Hillshade {
-    /// The cosine between light from a direction and what is upright.
-    #[inline]
-    fn lit(&self, azimuth: f64, [east, north]: [f64; 2]) -> f64 {
-        let (azimuth, altitude) = (azimuth.to_radians(), self.altitude.to_radians());
-        let across = east * azimuth.sin() + north * azimuth.cos();
-        (altitude.sin() - altitude.cos() * across) / (1.0 + east * east + north * north).sqrt()
+    /// Four lights, of which the first is the one where there is one; the last is in the north.
+    fn lamps(&self) -> [Lamp; 4] {
+        let azimuths = match self.light {
+            Light::Four => [225.0, 270.0, 315.0, 360.0],
+            Light::One | Light::Combined => [self.azimuth; 4],
+        };
+        azimuths.map(|azimuth| Lamp::new(azimuth, self.altitude))
+    }
+
+    #[inline(always)]
+    fn bright(&self, lamps: &[Lamp; 4], slope: [f64; 2]) -> f64 {
+        let slope = slope.map(|by| by * self.exaggeration);
+        let steep = slope[0] * slope[0] + slope[1] * slope[1];
+        let bright = match self.light {
+            Light::One => lamps[0].lit(slope),
+            Light::Combined => {
+                let angle = lamps[0].lit(slope).clamp(-1.0, 1.0).acos();
+                1.0 - angle * steep.sqrt().atan() / (FRAC_PI_2 * FRAC_PI_2)
+            }
+            // Level ground is lit alike by all.
+            Light::Four if steep == 0.0 => lamps[0].lit(slope),
+            Light::Four => {
+                // How much the ground falls towards a light or away from it: the square of the cosine between its
+                // direction and the aspect.
+                let [east, north] = slope;
+                let south_west = 0.5 * steep + east * north;
+                let weights = [south_west, east * east, steep - south_west, north * north];
+                let of = |(weight, lamp): (f64, &Lamp)| weight * lamp.lit(slope).max(0.0);
+                weights.into_iter().zip(lamps).map(of).sum::<f64>() / steep / 2.0
+            }
+        };
+        // Halves go up.
+        (1.0 + 254.0 * bright.max(0.0) + 0.5).floor().min(255.0)
     }
 }

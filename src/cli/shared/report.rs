@@ -5,10 +5,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::atomic::AtomicFile;
-use crate::cli::shared::{say, text};
+use crate::cli::shared::{say, system, text};
 use crate::error::{Error, Result};
 use crate::jobs::figures::Figures;
 use crate::jobs::sift::Skipped;
+use crate::jobs::transform::Transformed;
 
 /// A report with the files that were left out.
 #[derive(Serialize)]
@@ -64,6 +65,8 @@ pub(crate) fn plain(report: &impl Serialize) -> String {
     if let Ok(water) = serde_json::from_value(told["water"].clone()) {
         rows.push(("water".to_owned(), text::water(&water)));
     }
+    let done = serde_json::from_value::<Transformed>(told["transformed"].clone()).ok();
+    rows.extend(system::rows(done.as_ref()).map(|(key, value)| (key.to_owned(), value)));
     let notes = told["notes"].as_array().into_iter().flatten();
     rows.extend(
         notes.map(|note| ("note".to_owned(), note.as_str().unwrap_or_default().to_owned())),

@@ -173,6 +173,7 @@ impl GridJob {
             round: self.round,
             temp_dir: self.resources.temp_dir.clone(),
             bands: if single && self.stats.len() == 1 { Vec::new() } else { bands.collect() },
+            are_colours: false,
             read: Vec::new(),
         }
     }

@@ -22,6 +22,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     about: "ESRI ASCII text with .prj; scale and offset are applied",
     options: &[],
     several_bands: false,
+    holds_colours: false,
     holds_types: false,
     names_voids: true,
     bytes_per_sample: 48,

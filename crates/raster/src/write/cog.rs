@@ -56,6 +56,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         tiff::BIGTIFF,
     ],
     several_bands: true,
+    holds_colours: true,
     holds_types: true,
     names_voids: true,
     bytes_per_sample: 40,
@@ -101,6 +102,7 @@ impl CogSink {
             sample_type: info.sample_type,
             coding,
             bands: order.options.band_count(),
+            are_colours: order.options.are_colours,
         };
         image.check()?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;

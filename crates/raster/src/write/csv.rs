@@ -20,6 +20,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     about: "a table with .prj: x and y of each cell's centre, and a column for each band",
     options: &[],
     several_bands: true,
+    holds_colours: false,
     holds_types: true,
     names_voids: false,
     bytes_per_sample: 160,

@@ -21,6 +21,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     about: "ESRI .flt of float32 with .hdr and .prj; scale and offset are applied",
     options: &[],
     several_bands: false,
+    holds_colours: false,
     holds_types: false,
     names_voids: true,
     bytes_per_sample: 16,

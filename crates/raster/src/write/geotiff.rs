@@ -9,7 +9,7 @@ use super::creation::Accepts::{Whole, Words};
 use super::directory::{Directory, Form, Places};
 use super::packed::Packed;
 use super::tiff::{self, Coding, Image};
-use super::{Creation, CreationOption, GridFormat, GridSink, Order};
+use super::{CreationOption, GridFormat, GridSink, Order};
 use crate::GridInfo;
 use crate::store::Heights;
 use crate::store::header::facts;
@@ -47,6 +47,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         tiff::BIGTIFF,
     ],
     several_bands: true,
+    holds_colours: true,
     holds_types: true,
     names_voids: true,
     bytes_per_sample: 40,
@@ -71,7 +72,7 @@ struct GeoTiffSink {
 impl GeoTiffSink {
     fn new(order: &Order<'_>) -> Result<Self> {
         let info = order.stored()?;
-        let image = image(&order.creation, &info, order.options.band_count())?;
+        let image = image(order, &info)?;
         image.check()?;
         let directory = image.directory(facts(&info, &order.options.bands)?, false);
         let plain = image.plain_bytes();
@@ -93,7 +94,9 @@ fn front(directory: &Directory, form: Form) -> u64 {
     form.start() + directory.bytes(form)
 }
 
-fn image(creation: &Creation, info: &GridInfo, bands: u32) -> Result<Image> {
+fn image(order: &Order<'_>, info: &GridInfo) -> Result<Image> {
+    let (creation, bands) = (&order.creation, order.options.band_count());
+    let are_colours = order.options.are_colours;
     let GridInfo { width, height, sample_type, .. } = *info;
     let coding = Coding::of(creation, sample_type, "NONE")?;
     let tiled = creation.word("TILED") == Some("YES");
@@ -110,7 +113,7 @@ fn image(creation: &Creation, info: &GridInfo, bands: u32) -> Result<Image> {
         let usual = (STRIP_BYTES / row_bytes).clamp(1, u64::from(u32::MAX)) as u32;
         (width, rows.unwrap_or(usual).min(height))
     };
-    Ok(Image { width, height, block, tiled, sample_type, coding, bands })
+    Ok(Image { width, height, block, tiled, sample_type, coding, bands, are_colours })
 }
 
 impl GridSink for GeoTiffSink {

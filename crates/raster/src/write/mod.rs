@@ -14,6 +14,7 @@ mod flt;
 mod geotiff;
 mod level;
 mod packed;
+mod picture;
 mod png;
 mod predict;
 mod rows;
@@ -60,6 +61,8 @@ pub struct GridFormat {
     pub options: &'static [CreationOption],
     /// Whether a file may hold several bands.
     pub several_bands: bool,
+    /// Whether a file may be a picture: its bands red, green, blue and opacity.
+    pub holds_colours: bool,
     /// Whether samples are held as the type that is asked for; else as the format has them.
     pub holds_types: bool,
     /// Whether voids may be written as a value that is asked for.
@@ -87,6 +90,8 @@ pub struct WriteOptions {
     pub temp_dir: Option<PathBuf>,
     /// What the bands are called; one band without a name when empty.
     pub bands: Vec<BandName>,
+    /// Whether the bands, three or four of bytes, are red, green, blue and opacity.
+    pub are_colours: bool,
     /// Files that are read with the grid: nothing takes their place.
     pub read: Vec<PathBuf>,
 }
@@ -201,7 +206,24 @@ impl GridFormat {
             .remedy(format!("leave {option} out")))
     }
 
+    /// Fails unless a file may be a picture.
+    ///
+    /// # Errors
+    /// Usage: the format holds heights alone.
+    pub fn check_colours(&self) -> Result<()> {
+        if self.holds_colours {
+            return Ok(());
+        }
+        let formats = FORMATS.iter().filter(|format| format.holds_colours);
+        let names: Vec<_> = formats.map(|format| format.name).collect();
+        Err(Error::usage(format!("{} cannot hold colours", self.name))
+            .remedy(format!("write {}", names.join(" or "))))
+    }
+
     fn check_bands(&self, options: &WriteOptions) -> Result<()> {
+        if options.are_colours {
+            return self.check_colours();
+        }
         if self.several_bands {
             return limits::check("number of bands", options.bands.len() as u64, limits::MAX_BANDS);
         }
@@ -226,6 +248,18 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     Err(Error::usage(format!("{} cannot have this ending", format.name))
         .in_file(path)
         .remedy(format!("end the name in {}", format.endings())))
+}
+
+/// As [`by_path`], of formats that hold colours if no name is given and one of them has the ending.
+///
+/// # Errors
+/// Those of [`by_path`], and a format without colours.
+pub fn of_colours(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
+    let with = |format: &&GridFormat| format.holds_colours && format.has_extension_of(path);
+    let name = name.or_else(|| FORMATS.iter().rev().find(with).map(|format| format.name));
+    let format = by_path(path, name)?;
+    format.check_colours().map_err(|e| e.in_file(path))?;
+    Ok(format)
 }
 
 /// The format called `name`.

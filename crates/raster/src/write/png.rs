@@ -1,5 +1,6 @@
-//! PNG heights packed into red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
-//! (steps of 1/256 from -32768), with a world file and .prj beside it. Voids are transparent.
+//! PNG: heights packed into red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
+//! (steps of 1/256 from -32768), with a world file and .prj beside it. Voids are transparent. What pictures share with it is here,
+//! too.
 
 use std::fmt::Display;
 use std::fs::File;
@@ -10,6 +11,7 @@ use std::sync::{Arc, Mutex};
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, StreamWriter};
 
 use super::creation::Accepts::Words;
+use super::picture::PictureSink;
 use super::rows::RowSink;
 use super::sidecar::{self, Sidecars};
 use super::{CreationOption, GridFormat, Order};
@@ -40,10 +42,14 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         },
     ],
     several_bands: false,
+    holds_colours: true,
     holds_types: false,
     names_voids: true,
     bytes_per_sample: 24,
-    create: |order| Ok(Box::new(PngSink::new(order)?)),
+    create: |order| match order.options.are_colours {
+        true => Ok(Box::new(PictureSink::new(order)?)),
+        false => Ok(Box::new(PngSink::new(order)?)),
+    },
 };
 
 /// Greatest packed value.
@@ -53,15 +59,11 @@ const HAIR: f64 = 1e-3;
 
 /// A picture in the making.
 struct PngSink {
-    target: AtomicFile,
     info: GridInfo,
     packing: &'static Packing,
     alpha: bool,
     round: bool,
-    sidecars: Sidecars,
-    picture: Mutex<StreamWriter<'static, Told>>,
-    /// Why the file could not be written, once that is so.
-    cause: Cause,
+    canvas: Canvas,
     notes: Vec<String>,
 }
 
@@ -77,19 +79,16 @@ impl PngSink {
                 .remedy("leave --out-nodata out"));
         }
         let packing = packing(order)?;
-        let target = AtomicFile::create(order.path, options.overwrite)?;
-        let sidecars = sidecars(order)?;
         let alpha = match order.creation.word("ALPHA") {
             Some(word) => word == "YES",
             None => order.info.nodata.is_some(),
         };
-        let cause = Cause::default();
-        let picture = Mutex::new(start(&target, order.info, alpha, &cause)?);
+        let canvas = Canvas::new(order, alpha)?;
         let (info, notes) = (order.info.clone(), notes(order, packing));
         let info = GridInfo { scale: packing.scale, offset: packing.offset, nodata: None, ..info };
         let info = GridInfo { sample_type: SampleType::U32, ..info };
         let round = options.round;
-        Ok(Self { target, info, packing, alpha, round, sidecars, picture, cause, notes })
+        Ok(Self { info, packing, alpha, round, canvas, notes })
     }
 
     fn void(&self) -> Result<[u8; 4]> {
@@ -133,6 +132,45 @@ fn packing(order: &Order<'_>) -> Result<&'static Packing> {
             Err(Error::usage(message).remedy("choose another name or ENCODING"))
         }
         (asked, named) => Ok(asked.or(named).unwrap_or(&PACKINGS[0])),
+    }
+}
+
+/// A picture of 8 bits by channel that is written from above, with what lies beside it.
+pub(super) struct Canvas {
+    target: AtomicFile,
+    sidecars: Sidecars,
+    picture: Mutex<StreamWriter<'static, Told>>,
+    /// Why the file could not be written, once that is so.
+    cause: Cause,
+}
+
+impl Canvas {
+    /// Of red, green and blue, and of opacity or not.
+    pub(super) fn new(order: &Order<'_>, alpha: bool) -> Result<Self> {
+        let target = AtomicFile::create(order.path, order.options.overwrite)?;
+        let sidecars = sidecars(order)?;
+        let cause = Cause::default();
+        let picture = Mutex::new(start(&target, order.info, alpha, &cause)?);
+        Ok(Self { target, sidecars, picture, cause })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        self.target.path()
+    }
+
+    /// Puts the next pixels in their place.
+    pub(super) fn append(&self, bytes: &[u8]) -> Result<()> {
+        let written = lock(&self.picture).write_all(bytes);
+        written.map_err(|e| failed(self.target.path(), &self.cause, e))
+    }
+
+    /// Completes the file and what lies beside it, and tells its size in bytes.
+    pub(super) fn finish(self) -> Result<u64> {
+        let Self { mut target, sidecars, picture, cause } = self;
+        unlocked(picture).finish().map_err(|e| failed(target.path(), &cause, e))?;
+        check_end(&mut target).map_err(|e| Error::write(target.path(), e))?;
+        sidecars.commit()?;
+        target.commit()
     }
 }
 
@@ -241,7 +279,7 @@ impl RowSink for PngSink {
             for (col, height) in (rect.col..).zip(line) {
                 let packed = if height.is_void() { self.void() } else { self.pack(*height) };
                 let packed = packed.map_err(|e| {
-                    e.at(format_args!("column {col}, row {row}")).in_file(self.target.path())
+                    e.at(format_args!("column {col}, row {row}")).in_file(self.canvas.path())
                 })?;
                 out.extend_from_slice(if self.alpha { &packed } else { &packed[..3] });
             }
@@ -250,8 +288,7 @@ impl RowSink for PngSink {
     }
 
     fn append(&self, bytes: &[u8]) -> Result<()> {
-        let written = lock(&self.picture).write_all(bytes);
-        written.map_err(|e| failed(self.target.path(), &self.cause, e))
+        self.canvas.append(bytes)
     }
 
     fn notes(&self) -> Vec<String> {
@@ -259,11 +296,7 @@ impl RowSink for PngSink {
     }
 
     fn finish(self) -> Result<u64> {
-        let Self { mut target, sidecars, picture, cause, .. } = self;
-        unlocked(picture).finish().map_err(|e| failed(target.path(), &cause, e))?;
-        check_end(&mut target).map_err(|e| Error::write(target.path(), e))?;
-        sidecars.commit()?;
-        target.commit()
+        self.canvas.finish()
     }
 }
 

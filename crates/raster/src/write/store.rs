@@ -18,6 +18,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         about: "side of a tile [512]",
     }],
     several_bands: false,
+    holds_colours: false,
     holds_types: true,
     names_voids: true,
     bytes_per_sample: 16,

@@ -39,8 +39,12 @@ const ROWS_PER_STRIP: u16 = 278;
 const STRIP_BYTES: u16 = 279;
 const PREDICTOR_TAG: u16 = 317;
 const EXTRA_SAMPLES: u16 = 338;
-/// The bands after the first are neither colours nor opacity.
+/// Bands that are neither colours nor opacity; opacity that colours are not multiplied by.
 const UNSPECIFIED: u16 = 0;
+const OPACITY: u16 = 2;
+/// PhotometricInterpretation: the lowest value is black; red, green and blue.
+const GRAY: u16 = 1;
+const RGB: u16 = 2;
 /// Bands side by side in one block, or in blocks of their own.
 const CHUNKY: u16 = 1;
 const PLANAR: u16 = 2;
@@ -93,6 +97,8 @@ pub(super) struct Image {
     pub(super) coding: Coding,
     /// Bands, each with blocks of its own.
     pub(super) bands: u32,
+    /// They are red, green, blue and, if there are four, opacity.
+    pub(super) are_colours: bool,
 }
 
 impl Image {
@@ -135,13 +141,14 @@ impl Image {
             (tag::HEIGHT, long(self.height)),
             (tag::BITS, by_band(bits)),
             (tag::COMPRESSION, short(self.coding.compression.code())),
-            (tag::PHOTOMETRIC, short(1)),
+            (tag::PHOTOMETRIC, short(if self.are_colours { RGB } else { GRAY })),
             (tag::SAMPLES_PER_PIXEL, short(self.bands as u16)),
             (tag::PLANAR, short(if self.bands == 1 { CHUNKY } else { PLANAR })),
             (tag::SAMPLE_FORMAT, by_band(format)),
         ]);
-        if self.bands > 1 {
-            tags.push((EXTRA_SAMPLES, Values::Short(vec![UNSPECIFIED; self.bands as usize - 1])));
+        let (own, extra) = if self.are_colours { (3, OPACITY) } else { (1, UNSPECIFIED) };
+        if self.bands > own {
+            tags.push((EXTRA_SAMPLES, Values::Short(vec![extra; (self.bands - own) as usize])));
         }
         if is_overview {
             tags.push((SUBFILE_TYPE, long(1)));

@@ -1,4 +1,6 @@
-//! `terrane convert`: any grid becomes a clean file of any format that can be written.
+//! `terrane convert`: any grid becomes a clean file of any format that can be written, on its own lattice or another.
+
+mod warp;
 
 use std::path::PathBuf;
 
@@ -11,13 +13,16 @@ use crate::files::is_made;
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::sift::{Sifted, Skipped};
+use crate::jobs::warp::{self as warps, WarpJob};
 use crate::raster::{SampleType, write};
 
 /// Copy a grid, or a part of it, into a file of another format
 ///
 /// A .tif is a store (an uncompressed tiled BigTIFF that is mapped into memory and read fast) unless
 /// -f COG or -f GTiff asks for another. Samples are written exactly or not at all: a height that the
-/// type does not hold is an error that names its place, unless --round allows the nearest value.
+/// type does not hold is an error that names its place, unless --round allows the nearest value. Samples
+/// stay where they are unless --resampling says how they are to be found elsewhere: in another
+/// reference system, at another distance, or where those of another grid are.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
@@ -50,6 +55,8 @@ pub(super) struct Args {
     /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     water: Option<String>,
+    #[command(flatten)]
+    warp: warp::Warp,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -106,9 +113,27 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         ..ConvertJob::new(input.clone(), &args.output)
     };
     check(&job)?;
+    let warp = args.warp.job(&job)?;
     stdin.gather(&mut input, cancel)?;
     let Sifted { names, skipped } = args.many.sift(input, grids, &resources)?;
-    copy(&ConvertJob { input: stdin.inputs(names), ..job }, &skipped, &args.show, cancel)
+    let job = ConvertJob { input: stdin.inputs(names), ..job };
+    match warp {
+        Some(warp) => move_samples(&WarpJob { copy: job, ..warp }, &skipped, &args.show, cancel),
+        None => copy(&job, &skipped, &args.show, cancel),
+    }
+}
+
+/// Runs a checked copy on another lattice and tells about it.
+fn move_samples(
+    job: &WarpJob,
+    skipped: &[Skipped],
+    show: &args::Show,
+    cancel: &Cancel,
+) -> Result<Outcome> {
+    let report = warps::run(job, show.progress().as_ref(), cancel)?;
+    let told = report::WithSkipped { report: &report, skipped };
+    show.tell(&told, || report::plain(&report))?;
+    Ok(Outcome::Kept)
 }
 
 /// Runs a checked copy and tells about it.

@@ -1,0 +1,44 @@
+//! From places of the grid to those of the output, and back.
+
+use terrane_base::error::Result;
+use terrane_crs::Operation;
+
+/// The way between two systems, or none where both are one.
+pub(super) struct Way {
+    /// There, and back.
+    operations: Option<[Operation; 2]>,
+}
+
+impl Way {
+    pub(super) fn new(there: Option<Operation>) -> Self {
+        let operations = there.filter(|there| !there.is_null()).map(|there| {
+            let back = there.inverse();
+            [there, back]
+        });
+        Self { operations }
+    }
+
+    pub(super) fn there(&self, at: [f64; 2]) -> Result<[f64; 2]> {
+        self.operations.as_ref().map_or(Ok(at), |[there, _]| there.position(at))
+    }
+
+    /// `None` where nothing of the grid's system is.
+    pub(super) fn back(&self, at: [f64; 2]) -> Option<[f64; 2]> {
+        let Some([_, back]) = &self.operations else { return Some(at) };
+        back.position(at).ok()
+    }
+
+    /// The height of the output, from that at a place of the grid.
+    pub(super) fn height(&self, [x, y]: [f64; 2], z: f64) -> Result<f64> {
+        let Some([there, _]) = &self.operations else { return Ok(z) };
+        there.point([x, y, z]).map(|[_, _, z]| z)
+    }
+
+    pub(super) fn keeps_heights(&self) -> bool {
+        self.operations.as_ref().is_none_or(|[there, _]| there.keeps_heights())
+    }
+
+    pub(super) fn is_none(&self) -> bool {
+        self.operations.is_none()
+    }
+}

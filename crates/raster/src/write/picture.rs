@@ -1,0 +1,92 @@
+//! PNG of colours: three or four bands of bytes become red, green, blue and opacity of pixels.
+
+use std::sync::Mutex;
+
+use super::png::Canvas;
+use super::{GridSink, Order};
+use crate::store::Heights;
+use crate::store::sample::{Codec, Height};
+use crate::{GridInfo, SampleType};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_files::lock;
+
+/// Pixels of a block, about; at least one row.
+const BLOCK_PIXELS: u32 = 1 << 18;
+
+/// A picture in the making.
+pub(super) struct PictureSink {
+    canvas: Canvas,
+    info: GridInfo,
+    codec: Codec,
+    bands: usize,
+    /// Bands of the next block that are there.
+    ready: Mutex<Vec<Vec<u8>>>,
+}
+
+impl PictureSink {
+    pub(super) fn new(order: &Order<'_>) -> Result<Self> {
+        for key in ["ENCODING", "ALPHA"] {
+            order.creation.refuse(key, "on colours, which are no heights")?;
+        }
+        let bands = order.options.band_count();
+        if order.info.sample_type != SampleType::U8 || !(3..=4).contains(&bands) {
+            return Err(Error::usage("a picture is of three or four bands of bytes"));
+        }
+        let info = GridInfo { nodata: None, ..order.info.clone() };
+        let canvas = Canvas::new(order, bands == 4)?;
+        let (codec, ready) = (order.codec(&info), Mutex::default());
+        Ok(Self { canvas, info, codec, bands: bands as usize, ready })
+    }
+
+    fn encode_bytes<H: Height>(&self, rect: Rect, heights: &[H], out: &mut Vec<u8>) -> Result<()> {
+        out.clear();
+        out.resize(heights.len(), 0);
+        let encoded = self.codec.encode(heights, out);
+        encoded.map_err(|misfit| self.codec.refusal(misfit, rect.col, rect.row))
+    }
+}
+
+impl GridSink for PictureSink {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn block(&self) -> (u32, u32) {
+        let GridInfo { width, height, .. } = self.info;
+        (width, (BLOCK_PIXELS / width).clamp(1, height))
+    }
+
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        match heights {
+            Heights::F32(heights) => self.encode_bytes(rect, heights, out),
+            Heights::F64(heights) => self.encode_bytes(rect, heights, out),
+        }
+        .map_err(|e| e.in_file(self.canvas.path()))
+    }
+
+    fn append(&self, bytes: &[u8]) -> Result<()> {
+        let mut ready = lock(&self.ready);
+        ready.push(bytes.to_vec());
+        if ready.len() < self.bands {
+            return Ok(());
+        }
+        let mut pixels = vec![0; bytes.len() * self.bands];
+        for (band, own) in ready.iter().enumerate() {
+            let places = pixels.iter_mut().skip(band).step_by(self.bands);
+            places.zip(own).for_each(|(place, byte)| *place = *byte);
+        }
+        ready.clear();
+        self.canvas.append(&pixels)
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        self.canvas.finish()
+    }
+}

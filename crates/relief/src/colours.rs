@@ -1,0 +1,299 @@
+//! Colours of heights, from a text that names some of each: `height red green blue [opacity]` in a line, or
+//! `height name [opacity]`.
+//!
+//! Words are parted by blanks, commas, tabs or colons. A height is a number, a share of the range of heights (`25%`),
+//! or `nv` (also `nan`) for voids; lines that begin with `#` or `/` say nothing. That is what `gdaldem color-relief`
+//! reads.
+
+/// Red, green, blue and opacity.
+pub type Colour = [u8; 4];
+
+/// Names that stand for a colour.
+pub const NAMES: &[(&str, [u8; 3])] = &[
+    ("white", [255, 255, 255]),
+    ("black", [0, 0, 0]),
+    ("red", [255, 0, 0]),
+    ("green", [0, 255, 0]),
+    ("blue", [0, 0, 255]),
+    ("yellow", [255, 255, 0]),
+    ("magenta", [255, 0, 255]),
+    ("cyan", [0, 255, 255]),
+    ("aqua", [0, 191, 191]),
+    ("grey", [191, 191, 191]),
+    ("gray", [191, 191, 191]),
+    ("orange", [255, 127, 0]),
+    ("brown", [191, 127, 63]),
+    ("purple", [127, 0, 255]),
+    ("violet", [127, 0, 255]),
+    ("indigo", [0, 127, 255]),
+];
+
+/// The colour of a height between those that have one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Between {
+    /// Each part of the colour on the line between the two.
+    #[default]
+    Mixed,
+    /// That of the nearest one, of the upper where both are as near.
+    Nearest,
+    /// None: black, and nothing to be seen.
+    Nothing,
+}
+
+/// What is wrong with a text, and in which line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// From 1; 0 for the whole.
+    pub line: usize,
+    /// What is wrong.
+    pub message: String,
+}
+
+/// Where a colour is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum At {
+    Height(f64),
+    /// Of the range of heights, from 0 to 1.
+    Share(f64),
+    Void,
+}
+
+/// Colours as a text names them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Palette(Vec<(At, Colour)>);
+
+impl Palette {
+    /// Reads a text.
+    ///
+    /// # Errors
+    /// A line that says something else, by its number; a text without a colour.
+    pub fn parse(text: &str) -> Result<Self, Fault> {
+        let mut entries = Vec::new();
+        for (line, text) in (1..).zip(text.lines()) {
+            let words: Vec<_> =
+                text.split([' ', ',', '\t', ':']).filter(|w| !w.is_empty()).collect();
+            if words.first().is_none_or(|word| word.starts_with(['#', '/'])) {
+                continue;
+            }
+            entries.push(entry(&words).map_err(|message| Fault { line, message })?);
+        }
+        match entries.is_empty() {
+            true => Err(Fault { line: 0, message: "names no colour".to_owned() }),
+            false => Ok(Self(entries)),
+        }
+    }
+
+    /// Whether the range of heights has to be known.
+    pub fn needs_range(&self) -> bool {
+        self.0.iter().any(|(at, _)| matches!(at, At::Share(_)))
+    }
+
+    /// Colours of heights in a grid whose lowest and highest ones are these. Where `nv` is named, heights are not
+    /// mixed across the value that stands for voids in the grid. Takes time linear in the colours, but for sorting
+    /// them.
+    pub fn table(&self, [low, high]: [f64; 2], nodata: Option<f64>, between: Between) -> Table {
+        let height = |at: At| match at {
+            At::Height(height) if Some(height) != nodata => Some(height),
+            At::Share(share) => Some(low + share * (high - low)),
+            At::Height(_) | At::Void => None,
+        };
+        let void = self.0.iter().rev().find(|(at, _)| height(*at).is_none()).map(|(_, own)| *own);
+        let mut colours: Vec<(f64, Colour)> =
+            self.0.iter().filter_map(|(at, colour)| Some((height(*at)?, *colour))).collect();
+        colours.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if let (Some(value), Some(_), true) = (nodata, void, between != Between::Nothing) {
+            step(&mut colours, value);
+        }
+        let (heights, colours) = colours.into_iter().unzip();
+        Table { heights, colours, void: void.unwrap_or_default(), between }
+    }
+}
+
+/// Puts a step between the colours on both sides of a height.
+fn step(colours: &mut Vec<(f64, Colour)>, height: f64) {
+    let above = colours.partition_point(|(own, _)| *own <= height);
+    if above == 0 || above == colours.len() {
+        return;
+    }
+    let sides = [(height.next_down(), colours[above - 1].1), (height.next_up(), colours[above].1)];
+    colours.splice(above..above, sides);
+}
+
+fn entry(words: &[&str]) -> Result<(At, Colour), String> {
+    let number = |word: &str| {
+        word.parse::<u8>().map_err(|_| format!("{word:?} is no whole number from 0 to 255"))
+    };
+    let at = place(words[0])?;
+    let (rgb, opacity) = match *words {
+        [_, r, g, b] => ([number(r)?, number(g)?, number(b)?], 255),
+        [_, r, g, b, a] => ([number(r)?, number(g)?, number(b)?], number(a)?),
+        [_, name] => (named(name)?, 255),
+        [_, name, a] => (named(name)?, number(a)?),
+        _ => return Err("has to have a height and a colour: 1200 255 128 0, or 1200 orange".into()),
+    };
+    Ok((at, [rgb[0], rgb[1], rgb[2], opacity]))
+}
+
+fn place(word: &str) -> Result<At, String> {
+    if word.eq_ignore_ascii_case("nv") || word.eq_ignore_ascii_case("nan") {
+        return Ok(At::Void);
+    }
+    let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
+    match word.strip_suffix('%') {
+        Some(share) => number(share)
+            .filter(|share| (0.0..=100.0).contains(share))
+            .map(|share| At::Share(share / 100.0))
+            .ok_or_else(|| format!("{word:?} is no share from 0% to 100%")),
+        None => number(word)
+            .map(At::Height)
+            .ok_or_else(|| format!("{word:?} is no height: a number, a share such as 25%, or nv")),
+    }
+}
+
+fn named(word: &str) -> Result<[u8; 3], String> {
+    let found = NAMES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
+    found.map(|(_, rgb)| *rgb).ok_or_else(|| {
+        let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
+        format!("{word:?} is no colour; named are {}", names.join(", "))
+    })
+}
+
+/// Colours by height.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Ascending; of equal ones the first is reached from below, the last from above.
+    heights: Vec<f64>,
+    colours: Vec<Colour>,
+    void: Colour,
+    between: Between,
+}
+
+impl Table {
+    /// The colour of a height; that of voids for what is not a number. Takes time logarithmic in the colours.
+    #[inline]
+    pub fn at(&self, height: f64) -> Colour {
+        let above = self.heights.partition_point(|own| *own < height);
+        let is_exact = self.heights.get(above) == Some(&height);
+        match (above, self.between) {
+            _ if height.is_nan() || self.heights.is_empty() => self.void,
+            _ if is_exact => self.colours[above],
+            (_, Between::Nothing) => [0; 4],
+            (0, _) => self.colours[0],
+            (above, _) if above == self.heights.len() => self.colours[above - 1],
+            (above, Between::Nearest) => {
+                let [low, high] = [self.heights[above - 1], self.heights[above]];
+                self.colours[if height - low < high - height { above - 1 } else { above }]
+            }
+            (above, Between::Mixed) => {
+                let [low, high] = [self.heights[above - 1], self.heights[above]];
+                let share = (height - low) / (high - low);
+                let [from, to] = [self.colours[above - 1], self.colours[above]];
+                std::array::from_fn(|part| mixed(from[part], to[part], share))
+            }
+        }
+    }
+}
+
+/// A part of a colour between two: nine twentieths, not a half, go up, as gdaldem has it.
+#[inline(always)]
+fn mixed(from: u8, to: u8, share: f64) -> u8 {
+    let [from, to] = [from, to].map(f64::from);
+    (0.45 + from + share * (to - from)) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn texts_are_read_as_gdaldem_reads_them() {
+        let text =
+            "# heights\n/ of\n\n 0 0 0 255\n50%,0:255,0  128\n1e3\tred\n-5.5 GREY 7\nnv 1 2 3 4\n";
+        let palette = Palette::parse(text).unwrap();
+        assert!(palette.needs_range());
+        let table = palette.table([200.0, 600.0], Some(-9999.0), Between::Mixed);
+        for (height, colour) in [
+            (0.0, [0, 0, 255, 255]),
+            (400.0, [0, 255, 0, 128]),
+            (1000.0, [255, 0, 0, 255]),
+            (2000.0, [255, 0, 0, 255]),
+            (-5.5, [191, 191, 191, 7]),
+            (-100.0, [191, 191, 191, 7]),
+            (f64::NAN, [1, 2, 3, 4]),
+            (200.0, [0, 127, 127, 191]),
+        ] {
+            assert_eq!(table.at(height), colour, "{height}");
+        }
+    }
+
+    #[test]
+    fn other_texts_are_faults_by_line() {
+        for (text, line, words) in [
+            ("", 0, "names no colour"),
+            ("# 1 2 3 4\n", 0, "names no colour"),
+            ("1 2 3 4\n5\n", 2, "a height and a colour"),
+            ("1 2 3 4 5 6", 1, "a height and a colour"),
+            ("1 2 3 256", 1, "256"),
+            ("1 2 3 -4", 1, "-4"),
+            ("1 mauve", 1, "mauve"),
+            ("101% red", 1, "101%"),
+            ("x red", 1, "is no height"),
+            ("inf red", 1, "is no height"),
+        ] {
+            let fault = Palette::parse(text).unwrap_err();
+            assert!(fault.line == line && fault.message.contains(words), "{text:?}: {fault:?}");
+        }
+    }
+
+    #[test]
+    fn between_heights_colours_are_mixed_or_the_nearest_or_none() {
+        let palette = Palette::parse("0 0 10 100\n10 255 20 0\n10 7 7 7\n20 9 9 9").unwrap();
+        let at = |between, height| palette.table([0.0; 2], None, between).at(height);
+        assert_eq!(at(Between::Mixed, 4.0), [102, 14, 60, 255]);
+        assert_eq!(at(Between::Nearest, 5.0), [255, 20, 0, 255]);
+        assert_eq!(at(Between::Nearest, 4.9), [0, 10, 100, 255]);
+        assert_eq!(at(Between::Nothing, 4.9), [0; 4]);
+        assert_eq!(
+            (at(Between::Nothing, 0.0), at(Between::Nothing, 30.0)),
+            ([0, 10, 100, 255], [0; 4])
+        );
+        // A step: from below and from above.
+        assert_eq!(at(Between::Mixed, 9.999_999), [255, 20, 0, 255]);
+        assert_eq!(at(Between::Mixed, 10.000_001), [7, 7, 7, 255]);
+        // Voids that no line names cannot be seen; colours are not mixed across their value.
+        assert_eq!(at(Between::Mixed, f64::NAN), [0; 4]);
+        let palette = Palette::parse("nv white\n-1 red\n1 blue").unwrap();
+        let table = palette.table([0.0; 2], Some(0.0), Between::Mixed);
+        assert_eq!((table.at(-0.1), table.at(0.1)), ([255, 0, 0, 255], [0, 0, 255, 255]));
+    }
+
+    proptest! {
+        /// By a look at all pairs of neighbours.
+        #[test]
+        fn tables_are_as_a_search_through_all(
+            entries in prop::collection::vec((-50..50_i32, any::<[u8; 3]>()), 1..9), height in -60.0..60.0_f64, whole: bool,
+        ) {
+            let height = if whole { height.round() } else { height };
+            let mut entries: Vec<(f64, [u8; 3])> = entries.into_iter().map(|(z, rgb)| (f64::from(z), rgb)).collect();
+            entries.sort_by(|a, b| a.0.total_cmp(&b.0));
+            entries.dedup_by_key(|entry| entry.0);
+            let text: String = entries.iter().rev().map(|(z, [r, g, b])| format!("{z} {r} {g} {b}\n")).collect();
+            let table = Palette::parse(&text).unwrap().table([0.0; 2], None, Between::Mixed);
+            let (first, last) = (entries[0], entries[entries.len() - 1]);
+            let pairs = entries.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&height));
+            let expected = match pairs {
+                // Nine twentieths go up.
+                Some(pair) => [0, 1, 2].map(|i| {
+                    let [a, b] = [f64::from(pair[0].1[i]), f64::from(pair[1].1[i])];
+                    a + (height - pair[0].0) / (pair[1].0 - pair[0].0) * (b - a) - 0.05
+                }),
+                None => (if height < first.0 { first } else { last }).1.map(f64::from),
+            };
+            let found = table.at(height);
+            prop_assert_eq!(found[3], 255);
+            prop_assert!((0..3).all(|i| (f64::from(found[i]) - expected[i]).abs() <= 0.5 + 1e-9));
+        }
+    }
+}
