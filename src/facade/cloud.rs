@@ -387,8 +387,8 @@ impl<'a> GridBuilder<'a> {
     /// fair piece of work. The format is GTiff unless told otherwise.
     ///
     /// # Errors
-    /// As [`write`](Self::write); a [`model`](Self::model), which is made of the whole cloud at once; a folder
-    /// that holds something else.
+    /// As [`write`](Self::write); [`water`](Self::water), whose level is that of a whole bank; a folder that holds
+    /// something else.
     pub fn plan(mut self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
         if self.run.overwrite {
             return Err(Error::usage("a plan writes no grid yet, in place of another")
