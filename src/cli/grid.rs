@@ -235,7 +235,8 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(&args)?;
     stdin.gather(&mut args.input, cancel)?;
     let Sifted { names, skipped } = args.many.sift(args.input, clouds, &resources)?;
-    let job = GridJob { input: names, ..job };
+    let cloud = args.many.reading(job.cloud.clone());
+    let job = GridJob { input: names, cloud, ..job };
     let report = grid::run(&job, args.show.progress().as_ref(), cancel)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {

@@ -188,6 +188,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&cloud), &resources)?;
     check_files(args, &names)?;
+    let cloud = args.many.reading(cloud);
     let job = args.wanted.job(names, cloud, &args.output, resources)?;
     let job = TranslateJob { overwrite: args.overwrite, ..job };
     let progress = args.show.progress();

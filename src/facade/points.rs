@@ -126,8 +126,10 @@ impl<'a> PointsBuilder<'a> {
     /// ```
     /// # fn main() -> terrane::Result<()> {
     /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [work, tiles] = ["work", "tiles"].map(|name| folder.path().join(name));
-    /// let cloud = terrane::open_cloud("synth:cloud,size=120,seed=5")?;
+    /// # let [work, tiles, path] = ["work", "tiles", "points.xyz"].map(|name| folder.path().join(name));
+    /// let lines: Vec<_> = (0..900).map(|i| format!("{} {} 1", i % 30 * 4, i / 30 * 4)).collect();
+    /// std::fs::write(&path, lines.join("\n")).unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
     /// let squares = terrane::Squares { side: 50.0, buffer: 5.0, mark: Default::default() };
     /// let plan = cloud.points().plan_squares(squares, &work, 1)?;
     /// plan.run().task("squares-4").run()?; // anywhere, in any order

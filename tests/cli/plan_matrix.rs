@@ -57,7 +57,7 @@ const KINDS: [Kind; 5] = [
         name: "points",
         plan: &[
             "points",
-            GROVE,
+            "grove.laz",
             "--tile",
             "90",
             "--buffer",
@@ -74,7 +74,7 @@ const KINDS: [Kind; 5] = [
         ],
         single: &[
             "points",
-            GROVE,
+            "grove.laz",
             "whole.squares",
             "--tile",
             "90",
@@ -96,7 +96,15 @@ const KINDS: [Kind; 5] = [
 impl Kind {
     /// A folder with all files that kinds read.
     fn place(&self) -> Place {
-        if self.name == "tiles" { crate::tiles::place(150) } else { Place::new() }
+        match self.name {
+            "tiles" => crate::tiles::place(150),
+            "points" => {
+                let place = Place::new();
+                place.ok(&["synth", &GROVE["synth:".len()..], "grove.laz", "-q"]);
+                place
+            }
+            _ => Place::new(),
+        }
     }
 }
 
@@ -474,8 +482,8 @@ fn the_disk_that_a_plan_expects_is_what_it_takes() {
     };
     let points = |how: &[&str]| {
         let place = Place::new();
-        let input = "synth:cloud,size=900,density=0.7,seed=3";
-        place.ok(&[&["plan", "points", input, "-o", "work", "-q"], how].concat());
+        place.ok(&["synth", "cloud,size=900,density=0.7,seed=3", "c.laz", "-q"]);
+        place.ok(&[&["plan", "points", "c.laz", "-o", "work", "-q"], how].concat());
         (format!("points {how:?}"), ratios(&place, "points"))
     };
     let tiles = |side: usize, how: &[&str]| {

@@ -86,7 +86,7 @@ pub struct Losses(BTreeMap<String, u64>);
 
 impl Losses {
     /// Of a cloud, as far as it was read.
-    pub(crate) fn of(cloud: &dyn PointSource) -> Self {
+    pub fn of(cloud: &dyn PointSource) -> Self {
         Self(cloud.losses().into_iter().collect())
     }
 
@@ -103,7 +103,7 @@ impl Losses {
     }
 
     /// A line for each file.
-    pub(crate) fn notes(&self) -> impl Iterator<Item = String> {
+    pub fn notes(&self) -> impl Iterator<Item = String> {
         self.0.iter().map(|(file, points)| {
             format!("{file}: is damaged, and {points} of its points are lost")
         })

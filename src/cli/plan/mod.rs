@@ -193,6 +193,7 @@ fn plan_of_points(args: &PointsArgs, cancel: &Cancel) -> Result<Outcome> {
     let options = args.wanted.open_options(&resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
+    let options = args.many.reading(options);
     let job = args.wanted.job(names, options, &args.folder.join("points"), resources)?;
     let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
     let report = plan_points(&plan, args.show.progress().as_ref(), cancel)?;
@@ -208,6 +209,7 @@ fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let mut job = args.model.job(args.wanted.job(&names, resources)?)?;
+    job.cloud = args.many.reading(job.cloud);
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
     let plan = PlanJob { job, folder: args.folder.clone(), cut: args.tile, skipped };
     let report = plan_grid(&plan, args.show.progress().as_ref(), cancel)?;

@@ -289,7 +289,8 @@ impl Prepared<'_> {
         match self.work.job.wide(self.packing, true)? {
             None => Ok(Seen::default()),
             Some(Wide { cloud, asked }) => {
-                let carrier = Carrier::new(&cloud, asked, false)?;
+                let has_dimension = self.work.carrier.heights_at().is_some();
+                let carrier = Carrier::new(&cloud, asked, has_dimension)?;
                 self.work.looking().look(&CarriedRecords::new(&cloud, &carrier))
             }
         }
