@@ -129,14 +129,14 @@ fn the_grid_of_a_plan_is_that_of_a_single_run() {
 }
 
 /// A forest with houses and voids, whose parts lie side by side.
-const FOREST: &str = "synth:cloud,size=900,density=0.3,seed=11,voids=2,tile=60";
+const FOREST: &str = "synth:cloud,size=600,density=0.25,seed=11,voids=2,tile=50";
 
 #[test]
 fn models_of_a_plan_are_those_of_a_single_run() {
     let temp = tempfile::tempdir().unwrap();
     let method = |text: &str| text.parse::<GroundFrom>().unwrap();
     let of = |preset, ground: &str, max_edge| {
-        let job = GridJob::of_preset([FOREST], "", preset, 2.0);
+        let job = GridJob::of_preset([FOREST], "", preset, 1.5);
         GridJob { ground: method(ground), max_edge, resources: enough(), ..job }
     };
     for (number, made) in [
@@ -175,8 +175,8 @@ fn a_tile_of_a_model_reads_what_lies_near_it() {
     plan(&folder, &job, 256).unwrap();
     let all = grid_status(&folder).unwrap().of.points;
     let read = work(&folder, Some("tile-0")).unwrap().of.points as f64 / all as f64;
-    // Of a fiftieth, and of a margin as wide as a square of the store.
-    assert!((0.02..0.2).contains(&read), "{read}");
+    // Of a twentieth, and of a margin as wide as a square of the store.
+    assert!((0.05..0.4).contains(&read), "{read}");
 }
 
 #[test]
