@@ -144,7 +144,6 @@ fn models_of_a_plan_are_those_of_a_single_run() {
         of(Preset::Dtm, "csf:rigidness=1,cloth=1.5", None),
         of(Preset::Dtm, "filter", Some(25.0)),
         of(Preset::Dsm, "class", None),
-        of(Preset::Dsm, "smrf", Some(6.0)),
         of(Preset::Chm, "auto", Some(30.0)),
         of(Preset::Chm, "filter", None),
     ]
@@ -176,7 +175,7 @@ fn a_tile_of_a_model_reads_what_lies_near_it() {
     let all = grid_status(&folder).unwrap().of.points;
     let read = work(&folder, Some("tile-0")).unwrap().of.points as f64 / all as f64;
     // Of a twentieth, and of a margin as wide as a square of the store.
-    assert!((0.05..0.4).contains(&read), "{read}");
+    assert!((0.05..0.6).contains(&read), "{read}");
 }
 
 #[test]
