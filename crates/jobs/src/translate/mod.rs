@@ -13,6 +13,7 @@ mod moved;
 mod octree;
 pub mod plan;
 mod portion;
+mod prepared;
 mod squares;
 mod thin;
 
@@ -24,13 +25,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::figures::Figures;
-use crate::grid::preset::{Metres, Seen, around};
+use crate::grid::preset::{Metres, around};
 use crate::input::workers;
 use crate::memory::PROGRAM;
 use crate::plan::At;
 use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Flow, Packer, Records};
-use crate::sift::Losses;
 use crate::transform::{Transform, Transformed};
 use crate::{Cancel, Progress, Resources};
 pub use above::{Above, Classify, HeightsAs, Layers};
@@ -38,6 +38,7 @@ use above::{Looking, Told};
 use carried::CarriedRecords;
 use moved::{Move, MovedRecords};
 use portion::Portion;
+use prepared::{Prepared, least, record_bytes, stored};
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
@@ -197,13 +198,6 @@ pub fn run(
     prepared(job, &cloud, None, at, |prepared| prepared.report(start))
 }
 
-/// A job that is ready to be done.
-struct Prepared<'a> {
-    work: Work<'a>,
-    source: &'a CarriedRecords<'a>,
-    packing: Packing,
-}
-
 /// Does something with all that a job on a cloud, or some squares of it, needs.
 fn prepared<T: Send>(
     job: &TranslateJob,
@@ -240,61 +234,6 @@ fn prepared<T: Send>(
     let resources = Resources { threads, ..job.resources.clone() };
     let prepared = Prepared { work, source: &source, packing };
     workers(&resources)?.install(|| act(&prepared))
-}
-
-impl Prepared<'_> {
-    /// Writes what is asked for; tells what was made, and what became of points, one line each.
-    fn make(&self) -> Result<(Made, Vec<String>)> {
-        let is_part = self.work.portion.is_some();
-        let wide = self.work.job.wide(self.packing, is_part)?;
-        self.work.run(self.source, wide.as_ref())
-    }
-
-    /// Writes it and tells of it, the work being begun at `start`.
-    fn report(&self, start: Instant) -> Result<TranslateReport> {
-        let (made, found) = self.make()?;
-        let Work { job, info, moved, carrier, shares, .. } = &self.work;
-        let run = Figures { threads: shares.threads, ..Figures::since(start, &job.resources) };
-        let census = self.source.census();
-        Ok(TranslateReport {
-            input: job.input.join(", "),
-            output: job.output.display().to_string(),
-            point_format: carrier.format().number(),
-            census,
-            files: made.files,
-            points: made.points,
-            crs: info.crs.label(),
-            output_bytes: made.bytes,
-            points_per_second: run.rate(census.read),
-            run,
-            transformed: moved.map(|moved| Transformed::of(&moved.operation)),
-            notes: [self.notes(), self.losses().notes().collect(), found].concat(),
-        })
-    }
-
-    /// Files whose damage was passed over.
-    fn losses(&self) -> Losses {
-        Losses::of(self.source.cloud())
-    }
-
-    /// What is told of the cloud and of what is carried, one line each.
-    fn notes(&self) -> Vec<String> {
-        let Work { carrier, moved, .. } = &self.work;
-        let moved = moved.iter().flat_map(|moved| &moved.notes);
-        self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
-    }
-
-    /// What has to be known of the ground of the whole cloud before that of some squares is told.
-    fn look(&self) -> Result<Seen> {
-        match self.work.job.wide(self.packing, true)? {
-            None => Ok(Seen::default()),
-            Some(Wide { cloud, asked }) => {
-                let has_dimension = self.work.carrier.heights_at().is_some();
-                let carrier = Carrier::new(&cloud, asked, has_dimension)?;
-                self.work.looking().look(&CarriedRecords::new(&cloud, &carrier))
-            }
-        }
-    }
 }
 
 impl TranslateJob {
@@ -552,31 +491,6 @@ impl Work<'_> {
         let division = squares::Division::new(squares, self.info, waiting, &self.options);
         division.write(records, (self.shares.flow, self.shares.threads), folder, self.at)
     }
-}
-
-/// Where the points of a job's cloud lie, as they are written.
-fn stored(job: &TranslateJob, cloud: &Cloud) -> Result<CloudInfo> {
-    Ok(carrier(job, cloud)?.info().clone())
-}
-
-/// Bytes of a record that is written.
-fn record_bytes(job: &TranslateJob, cloud: &Cloud) -> Result<usize> {
-    Ok(carrier(job, cloud)?.size())
-}
-
-/// What carries the points of a job that can be done.
-fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrier<'a>> {
-    let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let carrier = Carrier::new(cloud, (job.format, job.packing()?), has_dimension)?;
-    job.above.check(carrier.format())?;
-    Ok(carrier)
-}
-
-/// Bytes of memory that a job needs which looks at so many points, and those of them for a thread.
-fn least(job: &TranslateJob, cloud: &Cloud, points: u64) -> Result<[u64; 2]> {
-    let carrier = carrier(job, cloud)?;
-    let needed = job.needed(job.packing()?, carrier.info(), points);
-    Ok(Shares::least((carrier.size(), carrier.extra_bytes()), needed))
 }
 
 fn finish(writer: CloudWriter) -> Result<Made> {
