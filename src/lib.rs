@@ -84,7 +84,7 @@ pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::contour::ContourReport;
 pub use terrane_jobs::convert::ConvertReport;
 pub use terrane_jobs::figures::Figures;
-pub use terrane_jobs::grid::{GridReport, Preset};
+pub use terrane_jobs::grid::{GridReport, GroundFrom, Preset};
 pub use terrane_jobs::line::LineReport;
 pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tiles::{Format as TilesFormat, TilesReport};

@@ -228,6 +228,12 @@ fn the_tutorial_of_clusters_runs() {
     follow("clusters.md", include_str!("../docs/src/tutorials/clusters.md"));
 }
 
+#[cfg(unix)]
+#[test]
+fn the_tutorial_of_a_county_runs() {
+    follow("county.md", include_str!("../docs/src/tutorials/county.md"));
+}
+
 /// A tutorial whose program fails, or does not print what it says, is found.
 #[cfg(unix)]
 #[test]
@@ -288,6 +294,9 @@ fn members_of_reports_are_told_of() {
         "status mesh",
         "plan grid c.laz -o grid --cell 2",
         "run grid",
+        "plan points c.laz -o squares --tile 20",
+        "run squares",
+        "points c.laz few.laz --thin 2",
     ];
     for job in jobs {
         for member in members(&place, job) {

@@ -396,6 +396,11 @@ fn jobs() -> Vec<String> {
     add("tiles ../in/steep.laz o --cell 2 --class 2 --max-level 16".into());
     add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
+    // Their digests are those of one run without a plan, which are here as well.
+    add("plan grid ../in/dense.laz -o w --cell 1.5 --chm then run w -o o.tif".into());
+    let found = "--dtm --ground filter";
+    add(format!("plan grid ../in/steep.laz -o w --cell 1.5 {found} then run w -o o.tif"));
+    add("plan points ../in/dense.laz -o w --tile 25 --buffer 2 --cut 1 then run w -o o".into());
     jobs
 }
 

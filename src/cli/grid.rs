@@ -71,7 +71,7 @@ struct Stats(Vec<Asked>);
 /// A model of the terrain, in place of statistics.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Models of the terrain")]
-struct Model {
+pub(super) struct Model {
     /// The ground: its points, linear in their triangulation at the centres of cells
     #[arg(long, conflicts_with_all = ["stat", "dsm", "chm"])]
     dtm: bool,
@@ -94,6 +94,21 @@ struct Model {
 }
 
 impl Model {
+    /// A job for statistics, for the model instead, if one is asked for.
+    pub(super) fn job(&self, job: GridJob) -> Result<GridJob> {
+        let preset = self.preset();
+        if self.ground.is_some() && preset.is_none() {
+            return Err(idle("--ground", "for --dtm, --dsm and --chm"));
+        }
+        Ok(GridJob {
+            stats: preset.map_or(job.stats, |preset| vec![preset.band()]),
+            preset,
+            ground: GroundName::of(self.ground),
+            water: self.water.clone(),
+            ..job
+        })
+    }
+
     fn preset(&self) -> Option<Preset> {
         let presets = [(self.dtm, Preset::Dtm), (self.dsm, Preset::Dsm), (self.chm, Preset::Chm)];
         presets.into_iter().find(|(wanted, _)| *wanted).map(|(_, preset)| preset)
@@ -220,7 +235,8 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(&args)?;
     stdin.gather(&mut args.input, cancel)?;
     let Sifted { names, skipped } = args.many.sift(args.input, clouds, &resources)?;
-    let job = GridJob { input: names, ..job };
+    let cloud = args.many.reading(job.cloud.clone());
+    let job = GridJob { input: names, cloud, ..job };
     let report = grid::run(&job, args.show.progress().as_ref(), cancel)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
@@ -233,20 +249,8 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<GridJob> {
     atomic::refuse_stdout(&args.output)?;
-    let preset = args.model.preset();
-    if args.model.ground.is_some() && preset.is_none() {
-        return Err(idle("--ground", "for --dtm, --dsm and --chm"));
-    }
-    let job = args.wanted.job(&args.input, args.machine.resources())?;
-    let job = GridJob {
-        output: args.output.clone(),
-        stats: preset.map_or(job.stats, |preset| vec![preset.band()]),
-        preset,
-        ground: GroundName::of(args.model.ground),
-        water: args.model.water.clone(),
-        overwrite: args.out.overwrite,
-        ..job
-    };
+    let job = args.model.job(args.wanted.job(&args.input, args.machine.resources())?)?;
+    let job = GridJob { output: args.output.clone(), overwrite: args.out.overwrite, ..job };
     args.wanted.check(job.format()?)?;
     job.check()?;
     args.check_files()?;

@@ -8,14 +8,15 @@ use crate::cli::shared::points::{self, Points, parse_format};
 use crate::cli::shared::system::{self, System};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
-use crate::cloud::PointFormat;
+use crate::cloud::{OpenOptions, PointFormat};
 use crate::error::Result;
-use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
+use crate::jobs::translate::plan::{PointsWritten, run_in};
 use crate::jobs::translate::{
     self, Above, BufferMark, Classify, HeightsAs, KEPT, Layers, Squares, Thin, TranslateJob,
     TranslateReport,
 };
+use crate::jobs::{Cancel, Resources};
 
 /// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
 ///
@@ -32,6 +33,29 @@ pub(super) struct Args {
     input: Vec<String>,
     #[arg(skip)]
     output: PathBuf,
+    #[command(flatten)]
+    wanted: Wanted,
+    /// Replace what exists
+    #[arg(long)]
+    overwrite: bool,
+    /// Keep what is done in this folder, so that the same command goes on after it was killed; it can be removed when
+    /// the squares are there
+    #[arg(long, value_name = "FOLDER", requires = "tile", help_heading = "Resources")]
+    workdir: Option<PathBuf>,
+    #[command(flatten)]
+    disk: args::Disk,
+    #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// Which points, written how: for a run of its own, and for a plan.
+#[derive(Clone, Debug, clap::Args)]
+#[group(id = "wanted")]
+pub(super) struct Wanted {
     /// Format of the points, 0 to 10 [default: the first that holds all fields of all files]
     #[arg(long, value_name = "N", value_parser = parse_format)]
     point_format: Option<PointFormat>,
@@ -65,19 +89,10 @@ pub(super) struct Args {
     /// What the files of squares are: laz or las
     #[arg(long, value_name = "NAME", requires = "tile", default_value = "laz", value_parser = ["laz", "las"], help_heading = "Squares")]
     tile_format: String,
-    /// Replace what exists
-    #[arg(long)]
-    overwrite: bool,
     #[command(flatten)]
     points: Points,
     #[command(flatten)]
     system: System,
-    #[command(flatten)]
-    many: many::Many,
-    #[command(flatten)]
-    machine: args::SpillingMachine,
-    #[command(flatten)]
-    show: args::Show,
 }
 
 impl Verb for Args {
@@ -105,7 +120,33 @@ fn parse_mark(text: &str) -> std::result::Result<BufferMark, String> {
     text.parse()
 }
 
-impl Args {
+impl Wanted {
+    /// How the clouds are opened.
+    pub(super) fn open_options(&self, resources: &Resources) -> Result<OpenOptions> {
+        self.points.open_options(resources)
+    }
+
+    /// The job that writes the points of `input`, opened so.
+    pub(super) fn job(
+        &self,
+        input: Vec<String>,
+        cloud: OpenOptions,
+        output: &Path,
+        resources: Resources,
+    ) -> Result<TranslateJob> {
+        Ok(TranslateJob {
+            cloud,
+            format: self.point_format,
+            dedupe: self.dedupe,
+            above: self.above(),
+            thin: self.thin,
+            transform: self.system.transform()?,
+            squares: self.squares(),
+            resources,
+            ..TranslateJob::new(input, output)
+        })
+    }
+
     fn above(&self) -> Above {
         let heights = self.height_above_ground.as_deref().map(|name| match name {
             "z" => HeightsAs::Z,
@@ -141,36 +182,41 @@ fn thin_help() -> String {
 }
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    args.disk.check_workdir(args.workdir.as_deref())?;
     let resources = args.machine.resources();
-    let cloud = args.points.open_options(&resources)?;
+    let cloud = args.wanted.open_options(&resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&cloud), &resources)?;
     check_files(args, &names)?;
-    let job = TranslateJob {
-        cloud,
-        format: args.point_format,
-        dedupe: args.dedupe,
-        above: args.above(),
-        thin: args.thin,
-        transform: args.system.transform()?,
-        squares: args.squares(),
-        overwrite: args.overwrite,
-        resources,
-        ..TranslateJob::new(names, &args.output)
-    };
-    let made = translate::run(&job, args.show.progress().as_ref(), cancel)?;
-    let told = report::WithSkipped { report: &made, skipped: &skipped };
-    args.show.tell(&told, || summary(&made))?;
+    let cloud = args.many.reading(cloud);
+    let job = args.wanted.job(names, cloud, &args.output, resources)?;
+    let job = TranslateJob { overwrite: args.overwrite, ..job };
+    let progress = args.show.progress();
+    match &args.workdir {
+        None => {
+            let made = translate::run(&job, progress.as_ref(), cancel)?;
+            let told = report::WithSkipped { report: &made, skipped: &skipped };
+            args.show.tell(&told, || summary(&made))?;
+        }
+        Some(folder) => {
+            let disk = args.disk.check();
+            let made = run_in(folder, &job, &skipped, disk, progress.as_ref(), cancel)?;
+            let told = report::WithSkipped { report: &made, skipped: &skipped };
+            args.show.tell(&told, || written_squares(&made))?;
+        }
+    }
     Ok(Outcome::Kept)
 }
 
 /// Fails when the output is an input, or cannot be made.
 fn check_files(args: &Args, names: &[String]) -> Result<()> {
-    let output: &[&Path] = &[&args.output];
-    check::not_among(&crate::cloud::files(names)?, output)?;
-    check::not_among(&args.points.files()?, output)?;
-    check::not_among(&args.system.files()?, output)?;
-    match args.tile {
+    let output: Vec<&Path> =
+        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
+    let Wanted { points, system, tile, .. } = &args.wanted;
+    check::not_among(&crate::cloud::files(names)?, &output)?;
+    check::not_among(&points.files()?, &output)?;
+    check::not_among(&system.files()?, &output)?;
+    match tile {
         Some(_) => crate::atomic::refuse_stdout(&args.output),
         None => check::new_file(&args.output, args.overwrite),
     }
@@ -179,6 +225,18 @@ fn check_files(args: &Args, names: &[String]) -> Result<()> {
 fn written(r: &TranslateReport) -> String {
     let points = format!("{} of point format {}", text::count(r.points), r.point_format);
     if r.files == 1 { points } else { format!("{points}, in {} files", text::count(r.files)) }
+}
+
+/// Squares that a plan wrote, for people.
+pub(super) fn written_squares(r: &PointsWritten) -> String {
+    let points = format!("{} of point format {}", text::count(r.points), r.point_format);
+    let mut rows = vec![
+        ("written", format!("{points}, in {} files", text::count(r.files))),
+        ("system", r.crs.clone()),
+        ("size", text::bytes(r.output_bytes)),
+    ];
+    rows.extend(report::notes(&r.notes));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }
 
 fn summary(r: &TranslateReport) -> String {

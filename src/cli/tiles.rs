@@ -207,7 +207,7 @@ fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         resources,
         ..TilesJob::new("", &args.output)
     });
-    let model = args.ground.model(names, options);
+    let model = args.ground.model(names, args.many.reading(options));
     let (folder, disk) = (args.workdir.as_deref(), args.disk.check());
     let kept = folder.map(|folder| Kept { folder, skipped: &skipped, disk });
     let report = tiles::run_cloud(&model, &job, kept, args.show.progress().as_ref(), cancel)?;

@@ -15,7 +15,7 @@ use terrane_files::name_of;
 use terrane_gridding::parse_list;
 use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
 use terrane_jobs::grid::plan::{PlanGridJob, plan_grid};
-use terrane_jobs::grid::{self, GridJob, GridReport, Placement, Preset};
+use terrane_jobs::grid::{self, GridJob, GridReport, GroundFrom, Placement, Preset};
 use terrane_jobs::placing::Placing;
 use terrane_raster::Inputs;
 
@@ -273,6 +273,7 @@ pub struct GridBuilder<'a> {
     cloud: &'a Cloud,
     stats: String,
     preset: Option<Preset>,
+    ground: GroundFrom,
     water: Option<PathBuf>,
     placement: Placement,
     radius: Option<f64>,
@@ -292,6 +293,7 @@ impl<'a> GridBuilder<'a> {
             cloud,
             stats: "mean".to_owned(),
             preset: None,
+            ground: GroundFrom::Auto,
             water: None,
             placement: Placement::new([cell; 2]),
             radius: None,
@@ -313,6 +315,26 @@ impl<'a> GridBuilder<'a> {
     /// of the one above the other.
     pub fn model(mut self, model: Preset) -> Self {
         self.preset = Some(model);
+        self
+    }
+
+    /// Which points are ground, for a [`model`](Self::model): those of class 2 or of the cloud's filter, or those that a
+    /// method finds; the first, and if there are none the best method, unless told otherwise.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [work, path] = ["work", "dtm.tif"].map(|name| folder.path().join(name));
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
+    /// let ground = || cloud.grid(1.0).model(terrane::Preset::Dtm).ground("csf:rigidness=1".parse().unwrap());
+    /// ground().write(&path)?;
+    /// let made = ground().plan(&work, 256)?.run().run()?; // by tasks, the same bytes
+    /// assert!(std::fs::read(path).unwrap() == std::fs::read(made.written.unwrap()).unwrap());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn ground(mut self, from: GroundFrom) -> Self {
+        self.ground = from;
         self
     }
 
@@ -387,8 +409,8 @@ impl<'a> GridBuilder<'a> {
     /// fair piece of work. The format is GTiff unless told otherwise.
     ///
     /// # Errors
-    /// As [`write`](Self::write); a [`model`](Self::model), which is made of the whole cloud at once; a folder
-    /// that holds something else.
+    /// As [`write`](Self::write); [`water`](Self::water), whose level is that of a whole bank; a folder that holds
+    /// something else.
     pub fn plan(mut self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
         if self.run.overwrite {
             return Err(Error::usage("a plan writes no grid yet, in place of another")
@@ -412,6 +434,7 @@ impl<'a> GridBuilder<'a> {
         Ok(GridJob {
             cloud: self.cloud.options.clone(),
             preset: self.preset,
+            ground: self.ground,
             water: self.water.clone().map(name_of).transpose()?,
             placement: self.placement.clone(),
             radius: self.radius,

@@ -8,15 +8,17 @@ use terrane_jobs::grid::plan::{grid_status, run_grid};
 use terrane_jobs::plan::{DiskCheck, Kind, RunJob, RunReport, StatusReport, TaskReport, kind};
 use terrane_jobs::tiles::{run_tiles, tiles_status};
 use terrane_jobs::tin::{Form, run_plan, status_of};
+use terrane_jobs::translate::plan::{points_status, run_points};
 
 /// A plan in a folder: what is to be made, of what, by which tasks. [`TinBuilder::plan`],
-/// [`GridBuilder::plan`] and [`TilesBuilder::plan`] write one; any number of processes and machines that see the folder may
-/// [`run`](Self::run) it, or its tasks, at the same time and as often as they like. What comes out is, byte
+/// [`GridBuilder::plan`], [`TilesBuilder::plan`] and [`PointsBuilder::plan_squares`] write one; any number of processes and
+/// machines that see the folder may [`run`](Self::run) it, or its tasks, at the same time and as often as they like. What comes out is, byte
 /// for byte, what the builder's `write` gives.
 ///
 /// [`TinBuilder::plan`]: crate::TinBuilder::plan
 /// [`GridBuilder::plan`]: crate::GridBuilder::plan
 /// [`TilesBuilder::plan`]: crate::TilesBuilder::plan
+/// [`PointsBuilder::plan_squares`]: crate::PointsBuilder::plan_squares
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -104,6 +106,7 @@ impl Plan {
             Kind::Tin => status_of(&self.folder).map(PlanStatus::of),
             Kind::Grid => grid_status(&self.folder).map(PlanStatus::of),
             Kind::Tiles => tiles_status(&self.folder).map(PlanStatus::of),
+            Kind::Points => points_status(&self.folder).map(PlanStatus::of),
         }
     }
 
@@ -195,6 +198,12 @@ impl PlanBuilder<'_> {
                 let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
                 let report = run_tiles(&job, &*progress, &cancel)?;
                 let written = report.of.tiles.as_ref().map(|tiles| tiles.output.clone());
+                Ok(PlanRun::of(report, written))
+            }
+            Kind::Points => {
+                let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+                let report = run_points(&job, &*progress, &cancel)?;
+                let written = report.of.written.as_ref().map(|points| points.output.clone());
                 Ok(PlanRun::of(report, written))
             }
         }

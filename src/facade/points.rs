@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use super::cloud::Cloud;
+use super::plan::Plan;
 use super::run::{Run, System, overwrite_setting, run_settings, system_settings};
-use terrane_base::Result;
+use terrane_base::{Error, Result};
 use terrane_cloud::PointFormat;
+use terrane_jobs::translate::plan::{PlanPointsJob, plan_points};
 use terrane_jobs::translate::{self, Above, Squares, Thin, TranslateJob, TranslateReport};
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
@@ -111,6 +113,48 @@ impl<'a> PointsBuilder<'a> {
     ) -> Result<TranslateReport> {
         let job = TranslateJob { squares: Some((squares, false)), ..self.job(folder.into())? };
         translate::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+
+    /// Writes down in a folder what files of squares are to be made and by which tasks, so that it can be done by
+    /// pieces and by many machines: [`Plan`]. A task has `cut` squares along its side, or as many as make a fair piece
+    /// of work.
+    ///
+    /// # Errors
+    /// Those of [`write_squares`](Self::write_squares) that are found before the work; what is no matter of what lies
+    /// near a square; a folder that holds something else.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [work, tiles, path] = ["work", "tiles", "points.xyz"].map(|name| folder.path().join(name));
+    /// let lines: Vec<_> = (0..900).map(|i| format!("{} {} 1", i % 30 * 4, i / 30 * 4)).collect();
+    /// std::fs::write(&path, lines.join("\n")).unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+    /// let squares = terrane::Squares { side: 50.0, buffer: 5.0, mark: Default::default() };
+    /// let plan = cloud.points().plan_squares(squares, &work, 1)?;
+    /// plan.run().task("squares-4").run()?; // anywhere, in any order
+    /// assert_eq!(plan.run().output(&tiles).run()?.found, 1);
+    /// assert_eq!(std::fs::read_dir(&tiles).unwrap().count(), 9);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn plan_squares(
+        self,
+        squares: Squares,
+        folder: impl Into<PathBuf>,
+        cut: impl Into<Option<u32>>,
+    ) -> Result<Plan> {
+        if self.run.overwrite {
+            return Err(Error::usage("a plan writes no points yet, in place of others")
+                .remedy("leave overwrite out, and say it of the run"));
+        }
+        let folder = folder.into();
+        let job = self.job(folder.join("points"))?;
+        let job = TranslateJob { squares: Some((squares, false)), ..job };
+        let plan =
+            PlanPointsJob { job, folder: folder.clone(), cut: cut.into(), skipped: Vec::new() };
+        plan_points(&plan, &*self.run.progress, &self.run.cancel)?;
+        Plan::open(folder)
     }
 
     fn job(&self, output: PathBuf) -> Result<TranslateJob> {

@@ -8,6 +8,7 @@ mod data;
 #[path = "../common/raster_support/tiff_builder.rs"]
 mod tiff_builder;
 
+mod bad_clouds;
 mod bad_input;
 mod cloud;
 mod color_relief;

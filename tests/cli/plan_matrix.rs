@@ -12,6 +12,8 @@ use serde_json::Value;
 const TERRAIN: &str = "synth:rough,width=250,height=700,seed=5";
 const CLOUD: &str = "synth:cloud,size=520,density=0.2,seed=5";
 
+const GROVE: &str = "synth:cloud,size=520,density=0.15,seed=8";
+
 /// A kind of plan.
 struct Kind {
     name: &'static str,
@@ -22,7 +24,7 @@ struct Kind {
     output: &'static str,
 }
 
-const KINDS: [Kind; 3] = [
+const KINDS: [Kind; 5] = [
     Kind {
         name: "tin",
         plan: &["tin", TERRAIN, "--max-error", "4", "--tile", "64", "--strip-rows", "3"],
@@ -38,18 +40,71 @@ const KINDS: [Kind; 3] = [
         output: "grid.tif",
     },
     Kind {
+        name: "canopy",
+        plan: &["grid", GROVE, "--tile", "256", "--cell", "1", "--chm", "--ground", "csf"],
+        single: &["grid", GROVE, "whole.tif", "--cell", "1", "--chm", "--ground", "csf"],
+        ending: "tif",
+        output: "grid.tif",
+    },
+    Kind {
         name: "tiles",
         plan: &["tiles", "dem.asc", "--cut", "3"],
         single: &["tiles", "dem.asc", "whole.tiles"],
         ending: "tiles",
         output: "tiles",
     },
+    Kind {
+        name: "points",
+        plan: &[
+            "points",
+            "grove.laz",
+            "--tile",
+            "90",
+            "--buffer",
+            "12",
+            "--thin",
+            "1.5:lowest",
+            "--ground",
+            "csf",
+            "--height-above-ground",
+            "--classify",
+            "ground",
+            "--cut",
+            "2",
+        ],
+        single: &[
+            "points",
+            "grove.laz",
+            "whole.squares",
+            "--tile",
+            "90",
+            "--buffer",
+            "12",
+            "--thin",
+            "1.5:lowest",
+            "--ground",
+            "csf",
+            "--height-above-ground",
+            "--classify",
+            "ground",
+        ],
+        ending: "squares",
+        output: "points",
+    },
 ];
 
 impl Kind {
     /// A folder with all files that kinds read.
     fn place(&self) -> Place {
-        if self.name == "tiles" { crate::tiles::place(150) } else { Place::new() }
+        match self.name {
+            "tiles" => crate::tiles::place(150),
+            "points" => {
+                let place = Place::new();
+                place.ok(&["synth", &GROVE["synth:".len()..], "grove.laz", "-q"]);
+                place
+            }
+            _ => Place::new(),
+        }
     }
 }
 
@@ -372,7 +427,7 @@ fn a_mistyped_folder_makes_no_folder() {
         }
         assert_eq!(work.status()["done"], 0, "told before the work");
     }
-    for kind in [&KINDS[0], &KINDS[2]] {
+    for kind in [&KINDS[0], &KINDS[3], &KINDS[4]] {
         let single = [kind.single, &["--workdir", "tpyo/work"]].concat();
         kind.place().fails(&single, 73, &["tpyo/work", "make tpyo first"]);
     }
@@ -425,12 +480,20 @@ fn the_disk_that_a_plan_expects_is_what_it_takes() {
         place.ok(&[&["plan", "grid", input, "-o", "work", "--tile", "512", "-q"], how].concat());
         (how.join(" "), ratios(&place, output))
     };
+    let points = |how: &[&str]| {
+        let place = Place::new();
+        place.ok(&["synth", "cloud,size=900,density=0.7,seed=3", "c.laz", "-q"]);
+        place.ok(&[&["plan", "points", "c.laz", "-o", "work", "-q"], how].concat());
+        (format!("points {how:?}"), ratios(&place, "points"))
+    };
     let tiles = |side: usize, how: &[&str]| {
         let place = crate::tiles::place(side);
         place.ok(&[&["plan", "tiles", "dem.asc", "-o", "work", "-q"], how].concat());
         (format!("tiles of {side} {how:?}"), ratios(&place, "tiles"))
     };
     for (what, found) in [
+        points(&["--tile", "150"]),
+        points(&["--tile", "200", "--buffer", "20", "--class", "2", "--tile-format", "las"]),
         tiles(1500, &[]),
         tiles(700, &["--no-gzip", "--no-normals"]),
         tin("synth:rough,size=2000", "2", "512", "PLY"),

@@ -79,6 +79,14 @@ fn work_in_a_folder_goes_on_where_it_was() {
     std::fs::remove_file(&model).unwrap();
     make("two", &["--workdir", "work", "--overwrite"]);
     alike(&place, ["one", "two"]);
+    // Ground that a method finds is planned, too.
+    let found = |more: &[&str], output| {
+        let args = ["tiles", CLOUD, output, "--cell", "1", "--ground", "filter", "-q"];
+        place.ok(&[&args[..], more].concat());
+    };
+    found(&[], "three");
+    found(&["--workdir", "found"], "four");
+    alike(&place, ["three", "four"]);
     let other = ["tiles", CLOUD, "x", "--cell", "2", "--class", "2", "--workdir", "work"];
     place.fails(&other, 2, &["another"]);
 }
@@ -104,7 +112,6 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     tiles(&["--band", "2"], &["--band", "a point cloud"]);
     tiles(&["--bbox", "0,0,1,1"], &["--bbox", "a point cloud"]);
     tiles(&["--clip", "areas.wkt"], &["--clip", "a point cloud"]);
-    tiles(&["--workdir", "work"], &["--workdir", "which points are ground", "--class 2"]);
     tiles(&["--meshopt"], &["3D Tiles"]);
     place.fails(&["plan", "tiles", CLOUD, "-o", "work"], 2, &["planned first", "plan grid"]);
     place.write("g.asc", cli_support::GRID).write("g.prj", "EPSG:32631");

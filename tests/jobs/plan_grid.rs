@@ -9,7 +9,7 @@ use terrane_gridding::parse_list;
 use terrane_jobs::grid::plan::{
     GridRun, PlanGridJob, RunGridJob, grid_status, plan_grid, run_grid,
 };
-use terrane_jobs::grid::{GridJob, run};
+use terrane_jobs::grid::{GridJob, GroundFrom, Preset, run};
 use terrane_jobs::plan::DiskCheck;
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_raster::SampleType;
@@ -68,6 +68,11 @@ fn plan(folder: &Path, grid: &GridJob, tile: u32) -> Result<()> {
     plan_grid(&plan, &Silent, &Cancel::default()).map(drop)
 }
 
+/// For a square of a method that finds the ground.
+fn enough() -> Resources {
+    Resources { memory: 1 << 30, ..resources(2) }
+}
+
 fn work(folder: &Path, task: Option<&str>) -> Result<GridRun> {
     let job = RunGridJob {
         folder: folder.to_path_buf(),
@@ -76,7 +81,7 @@ fn work(folder: &Path, task: Option<&str>) -> Result<GridRun> {
         overwrite: false,
         form: (),
         disk: DiskCheck::On,
-        resources: resources(2),
+        resources: enough(),
     };
     run_grid(&job, &Silent, &Cancel::default())
 }
@@ -121,6 +126,56 @@ fn the_grid_of_a_plan_is_that_of_a_single_run() {
         assert!(std::fs::read(output).unwrap() == expected, "{name}: other bytes");
         assert!(work(&folder, None).unwrap().made.is_empty(), "nothing is left to do");
     }
+}
+
+/// A forest with houses and voids, whose parts lie side by side.
+const FOREST: &str = "synth:cloud,size=600,density=0.25,seed=11,voids=2,tile=50";
+
+#[test]
+fn models_of_a_plan_are_those_of_a_single_run() {
+    let temp = tempfile::tempdir().unwrap();
+    let method = |text: &str| text.parse::<GroundFrom>().unwrap();
+    let of = |preset, ground: &str, max_edge| {
+        let job = GridJob::of_preset([FOREST], "", preset, 1.5);
+        GridJob { ground: method(ground), max_edge, resources: enough(), ..job }
+    };
+    for (number, made) in [
+        of(Preset::Dtm, "auto", None),
+        of(Preset::Dtm, "csf:rigidness=1,cloth=1.5", None),
+        of(Preset::Dtm, "filter", Some(25.0)),
+        of(Preset::Dsm, "class", None),
+        of(Preset::Chm, "auto", Some(30.0)),
+        of(Preset::Chm, "filter", None),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let output = temp.path().join(format!("{number}.tif"));
+        let made = GridJob { output, fill: if number == 2 { 3 } else { 0 }, ..made };
+        let expected = single(&made);
+        let folder = temp.path().join(number.to_string());
+        plan(&folder, &made, 256).unwrap();
+        let report = work(&folder, None).unwrap();
+        assert_eq!(report.made.len(), 4, "{number}: {report:?}");
+        let same = std::fs::read(folder.join("grid.tif")).unwrap() == expected;
+        assert!(same, "{number}: other bytes");
+        let notes = report.of.grid.unwrap().notes;
+        assert!(notes.iter().any(|note| note.starts_with("ground: ")), "{notes:?}");
+    }
+}
+
+#[test]
+fn a_tile_of_a_model_reads_what_lies_near_it() {
+    let temp = tempfile::tempdir().unwrap();
+    let job = GridJob::of_preset([FOREST], temp.path().join("a.tif"), Preset::Dtm, 0.5);
+    let ground = GroundFrom::Class;
+    let job = GridJob { ground, max_edge: Some(9.0), resources: enough(), ..job };
+    let folder = temp.path().join("work");
+    plan(&folder, &job, 256).unwrap();
+    let all = grid_status(&folder).unwrap().of.points;
+    let read = work(&folder, Some("tile-0")).unwrap().of.points as f64 / all as f64;
+    // Of a twentieth, and of a margin as wide as a square of the store.
+    assert!((0.05..0.6).contains(&read), "{read}");
 }
 
 #[test]

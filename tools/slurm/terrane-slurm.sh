@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Submits what is to do of a terrane plan to Slurm, as jobs that wait for each other: for a mesh an array
-# of the strips, an array of the seams, and the mesh; for a grid an array of the tiles, and the grid.
+# Submits what is to do of a terrane plan to Slurm, as jobs that wait for each other: an array for each kind
+# of task (of a mesh the strips and the seams, of a grid its tiles, of points their squares), and the result.
 #
 #     terrane-slurm.sh WORKDIR [OPTION OF sbatch...] [-- OPTION OF terrane run...]
 #
@@ -52,16 +52,19 @@ share() {
 }
 
 echo "$status" >"$lists/status.json"
-for kind in strip seam tile finish; do
-  # Names stand in "id", those of others they wait for elsewhere.
+# Names stand in "id", those of others they wait for elsewhere; a kind is what comes before the number. Kinds
+# stand in an order in which they can be done.
+kinds=$({ grep -oE '"id": *"[a-z]+' "$lists/status.json" || true; } | cut -d '"' -f 4 | cat -n | sort -uk 2 |
+  sort -n | cut -f 2)
+for kind in $kinds; do
   { grep -oE "\"id\": *\"$kind[-0-9]*\"" "$lists/status.json" || true; } | cut -d '"' -f 4 >"$lists/$kind"
 done
-if ! [[ -s $lists/strip || -s $lists/seam || -s $lists/tile || -s $lists/finish ]]; then
+if [[ -z $kinds ]]; then
   rm -r "$lists"
   echo "nothing is left to do"
   exit
 fi
-submit strip "$(share strip)" "$@"
-submit seam "$(share seam)" "$@"
-submit tile "$(share tile)" "$@"
-submit finish 1 ${OUTPUT:+--output "$(realpath "$OUTPUT")"} "$@"
+for kind in $kinds; do
+  [[ $kind == finish ]] || submit "$kind" "$(share "$kind")" "$@"
+done
+[[ ! -e $lists/finish ]] || submit finish 1 ${OUTPUT:+--output "$(realpath "$OUTPUT")"} "$@"

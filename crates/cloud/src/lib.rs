@@ -136,6 +136,11 @@ pub trait PointSource: Send + Sync {
     fn notes(&self) -> &[String] {
         &[]
     }
+
+    /// The files that damage was passed over in so far, each with the points that are lost.
+    fn losses(&self) -> Vec<(String, u64)> {
+        Vec::new()
+    }
 }
 
 /// Most points of a batch.

@@ -1,9 +1,12 @@
 //! A file of a cloud: its parts, and what becomes of their points.
 
 use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
 
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Frame, Point};
+use terrane_files::lock;
 
 use super::carry::Recast;
 use super::columns::{self, Reader, Table};
@@ -26,6 +29,8 @@ pub(super) struct Member {
     /// `None` where no point of it is wanted.
     pub(super) sieve: Option<Sieve>,
     pub(super) salvage: bool,
+    /// Points that are lost, by the part they are of.
+    pub(super) lost: Mutex<BTreeMap<usize, u64>>,
 }
 
 impl File {
@@ -245,13 +250,26 @@ impl Member {
         Some([lower, std::array::from_fn(|axis| high[axis] + scale[axis])])
     }
 
+    /// What became of the points of a part of which so many are lost.
+    fn with_lost(&self, part: usize, census: Census, points: u64) -> Census {
+        if points > 0 {
+            lock(&self.lost).insert(part, points);
+        }
+        Census { read: census.read + points, lost: census.lost + points, ..census }
+    }
+
+    /// Points that are lost of all parts that were read.
+    pub(super) fn lost(&self) -> u64 {
+        lock(&self.lost).values().sum()
+    }
+
     /// Hands on the wanted points of a part.
     pub(super) fn read(&self, part: usize, room: &mut Room, each: &mut Each<'_>) -> Result<Census> {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let Room { records, points } = room;
         let mut sift = Sift { sieve, points, census: Census::default(), each };
         let lost = self.visit(part, sieve.wanted(), records, &mut sift)?;
-        Ok(with_lost(sift.census, lost))
+        Ok(self.with_lost(part, sift.census, lost))
     }
 
     /// Hands on all of the wanted points of a part.
@@ -259,7 +277,7 @@ impl Member {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let mut look = Look { sieve, census: Census::default(), each };
         let lost = take_room(|room| self.visit(part, Wanted::ALL, &mut room.records, &mut look))?;
-        Ok(with_lost(look.census, lost))
+        Ok(self.with_lost(part, look.census, lost))
     }
 
     /// Hands on the wanted records of a part, recast.
@@ -274,7 +292,7 @@ impl Member {
         let mut carry =
             Carry { sieve, recast, as_stored, census: Census::default(), out: Vec::new(), each };
         let lost = self.take(part, room, &mut carry)?;
-        Ok(with_lost(carry.census, lost))
+        Ok(self.with_lost(part, carry.census, lost))
     }
 
     /// Hands on the wanted points of a part with the attributes that are read so.
@@ -294,7 +312,7 @@ impl Member {
                 self.visit(part, wanted, &mut room.records, &mut tell)
             }
         }?;
-        Ok(with_lost(tell.census, lost))
+        Ok(self.with_lost(part, tell.census, lost))
     }
 
     /// Lets `taker` have the whole records of a part, block by block; returns how many are lost.
@@ -363,10 +381,6 @@ impl Member {
             }
         }
     }
-}
-
-fn with_lost(census: Census, lost: u64) -> Census {
-    Census { read: census.read + lost, lost: census.lost + lost, ..census }
 }
 
 impl Sieve {

@@ -6,6 +6,7 @@
 
 use std::collections::HashSet;
 use std::path::Path;
+use std::sync::Mutex;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -123,6 +124,11 @@ impl PointSource for Cloud {
 
     fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    fn losses(&self) -> Vec<(String, u64)> {
+        let all = self.names.iter().zip(&self.members).map(|(name, file)| (name, file.lost()));
+        all.filter(|(_, lost)| *lost > 0).map(|(name, lost)| (shown(name), lost)).collect()
     }
 
     fn info(&self) -> &CloudInfo {
@@ -276,7 +282,7 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
         let sieve = claim
             .zip(map)
             .map(|(claim, map)| Sieve::new(gate.clone(), claim, map, options.salvage));
-        members.push(Member { file, sieve, salvage: options.salvage });
+        members.push(Member { file, sieve, salvage: options.salvage, lost: Mutex::default() });
     }
     let bounds = ends.iter().flatten().copied().reduce(around);
     let parts = parts(&members, &options.filter);

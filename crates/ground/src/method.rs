@@ -1,5 +1,7 @@
 //! The methods that find the ground: what one is, and how it is asked for with its parameters.
 
+use std::fmt;
+
 use super::lows::Lows;
 use super::surface::Ground;
 use super::{adaptive, csf, filter, ptd, smrf};
@@ -190,6 +192,17 @@ impl Asked {
     }
 }
 
+impl fmt::Display for Asked {
+    /// As [`parse`](Asked::parse) reads it, with all parameters.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
+        let pairs = self.method.parameters.iter().zip(self.values).enumerate();
+        pairs.into_iter().try_for_each(|(i, (parameter, value))| {
+            write!(f, "{}{}={value}", if i == 0 { ':' } else { ',' }, parameter.key)
+        })
+    }
+}
+
 impl Named for Method {
     const KIND: &'static str = "method to find the ground";
 
@@ -209,13 +222,16 @@ mod tests {
             (asked.name(), asked.value("rigidness"), asked.value("cloth")),
             ("csf", 1.0, 0.5)
         );
+        assert_eq!(Asked::parse(&asked.to_string()).unwrap(), asked, "{asked}");
         assert_eq!(asked.value("iterations"), 500.0, "what is not given is as published");
         assert_eq!(Asked::parse("filter").unwrap(), Asked::FILTER);
         assert_ne!(asked, Asked::parse("csf").unwrap());
         for method in METHODS {
             assert!(method.parameters.len() <= MOST, "{}", method.name);
             assert!(method.parameters.iter().all(|p| p.allows(p.default)), "{}", method.name);
-            assert_eq!(Asked::parse(method.name).unwrap(), Asked::plain(method));
+            let plain = Asked::plain(method);
+            assert_eq!(Asked::parse(method.name).unwrap(), plain);
+            assert_eq!(Asked::parse(&plain.to_string()).unwrap(), plain, "{plain}");
         }
     }
 

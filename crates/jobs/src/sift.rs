@@ -1,12 +1,14 @@
 //! Bad files told from good ones before the work: each is opened by itself.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Resources;
 use super::input::workers;
 use terrane_base::error::{Error, Result};
-use terrane_cloud as cloud;
+use terrane_cloud::{self as cloud, PointSource};
 use terrane_files::{path_of, shown};
 use terrane_raster::{self as raster, OpenOptions};
 use terrane_vector as vector;
@@ -75,6 +77,36 @@ impl Skipped {
         let (file, told) = (shown(name), error.to_string());
         let reason = told.strip_prefix(&format!("{file}: ")).unwrap_or(&told).to_owned();
         Self { file, reason }
+    }
+}
+
+/// Files that damage was passed over in, each with the points that are lost.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Losses(BTreeMap<String, u64>);
+
+impl Losses {
+    /// Of a cloud, as far as it was read.
+    pub fn of(cloud: &dyn PointSource) -> Self {
+        Self(cloud.losses().into_iter().collect())
+    }
+
+    /// Adds those of the same cloud when more or less of it was read.
+    pub(crate) fn add(&mut self, other: &Self) {
+        for (file, points) in &other.0 {
+            let most = self.0.entry(file.clone()).or_default();
+            *most = (*most).max(*points);
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// A line for each file.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        self.0.iter().map(|(file, points)| {
+            format!("{file}: is damaged, and {points} of its points are lost")
+        })
     }
 }
 

@@ -3,13 +3,14 @@
 use serde::Serialize;
 
 use super::picture;
-use crate::cli::shared::{points, text};
-use crate::cloud::{Cloud, PointSource, open};
+use crate::cli::shared::text;
+use crate::cloud::{Cloud, OpenOptions, PointSource, open};
 use crate::error::Result;
 use crate::geom::Point3;
 use crate::jobs::cloud_picture::PictureReport;
 use crate::jobs::cloud_stats::{CloudStats, cloud_stats};
 use crate::jobs::heights::Heights;
+use crate::jobs::sift::Losses;
 use crate::jobs::{Cancel, Progress, Resources};
 
 /// What is known of a cloud.
@@ -44,18 +45,19 @@ pub(crate) struct Facts {
 /// unless they are asked for.
 pub(crate) fn describe(
     (files, told): (&[String], &str),
-    args: &points::Points,
+    mut options: OpenOptions,
     (stats, picture): (bool, &picture::Asked),
     resources: &Resources,
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<Facts> {
-    let mut options = args.open_options(resources)?;
     let drawn = picture.draw(files, &options, resources, (progress, cancel))?;
     options.filter.keep_withheld = true;
     let cloud = open(files, &options)?;
     let measure = || cloud_stats(&cloud, resources, progress, cancel);
     let stats = stats.then(measure).transpose()?;
-    Ok(Facts { picture: drawn, ..Facts::new(told, &cloud, stats) })
+    let mut facts = Facts { picture: drawn, ..Facts::new(told, &cloud, stats) };
+    facts.notes.extend(Losses::of(&cloud).notes());
+    Ok(facts)
 }
 
 impl Facts {

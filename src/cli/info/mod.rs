@@ -253,7 +253,8 @@ fn describe_cloud(
     let (resources, told) = (args.machine.resources(), told(files));
     let at = (files, told.as_str());
     let asked = (args.stats, &args.picture);
-    let facts = cloud::describe(at, &args.cloud, asked, &resources, (progress, cancel))?;
+    let options = args.many.reading(args.cloud.open_options(&resources)?);
+    let facts = cloud::describe(at, options, asked, &resources, (progress, cancel))?;
     Ok(Facts::Cloud(Box::new(facts)))
 }
 

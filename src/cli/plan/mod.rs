@@ -10,7 +10,7 @@ use clap::Subcommand;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names, parse, system};
-use crate::cli::{grid, tiles, tin};
+use crate::cli::{grid, points, tiles, tin};
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::grid::plan::plan_grid;
@@ -18,6 +18,7 @@ use crate::jobs::plan::PlanJob;
 use crate::jobs::sift::Sifted;
 use crate::jobs::tiles::{TilesJob, plan_tiles};
 use crate::jobs::tin::{Goal, TinJob, plan_work};
+use crate::jobs::translate::plan::plan_points;
 use crate::jobs::{Cancel, Resources};
 use crate::mesh;
 use crate::raster::write;
@@ -34,6 +35,7 @@ enum What {
     Tin(Box<TinArgs>),
     Grid(Box<GridArgs>),
     Tiles(Box<TilesArgs>),
+    Points(Box<PointsArgs>),
 }
 
 /// Plan a triangle mesh with a proven vertical error bound; the same mesh as that of `terrane tin`
@@ -67,7 +69,8 @@ struct TinArgs {
     show: args::Show,
 }
 
-/// Plan a grid of statistics of the points of clouds; the same grid as that of `terrane grid`
+/// Plan a grid of the points of clouds, of statistics or a model of the terrain; the same grid as that of `terrane
+/// grid`
 #[derive(Clone, Debug, clap::Args)]
 struct GridArgs {
     /// LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, a list or
@@ -79,6 +82,8 @@ struct GridArgs {
     folder: PathBuf,
     #[command(flatten)]
     many: many::Many,
+    #[command(flatten)]
+    model: grid::Model,
     #[command(flatten)]
     wanted: grid::Wanted,
     /// Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it
@@ -113,6 +118,28 @@ struct TilesArgs {
     show: args::Show,
 }
 
+/// Plan squares of the points of clouds; the same files as those of `terrane points --tile`
+#[derive(Clone, Debug, clap::Args)]
+struct PointsArgs {
+    /// LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, a list or
+    /// a pattern in quotes are one cloud
+    #[arg(required = true, value_parser = names::any())]
+    input: Vec<String>,
+    /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
+    #[arg(short = 'o', long = "output", value_name = "FOLDER")]
+    folder: PathBuf,
+    #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
+    wanted: points::Wanted,
+    /// Squares along the side of a task, which reads what lies near them [default: as many as have about 67 million
+    /// points]
+    #[arg(long, value_name = "N", help_heading = "Method")]
+    cut: Option<u32>,
+    #[command(flatten)]
+    show: args::Show,
+}
+
 impl Verb for Args {
     const NAME: &'static str = "plan";
 
@@ -121,6 +148,7 @@ impl Verb for Args {
             What::Tin(args) => &args.many,
             What::Grid(args) => &args.many,
             What::Tiles(args) => &args.many,
+            What::Points(args) => &args.many,
         })
     }
 
@@ -134,14 +162,17 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         What::Tin(args) => plan_tin(args, cancel),
         What::Grid(args) => plan_of_grid(args, cancel),
         What::Tiles(args) => plan_of_tiles(args),
+        What::Points(args) => plan_of_points(args, cancel),
     }
 }
 
 fn plan_of_tiles(args: &TilesArgs) -> Result<Outcome> {
     if args.many.are_clouds(&args.input)? {
-        return Err(Error::usage("tiles of a cloud are those of a model of its ground, which is planned first")
-            .in_file(&path_of(&args.input[0]))
-            .remedy("pass terrane plan grid with --stat tin --class 2, run it, and plan the tiles of that grid"));
+        return Err(Error::usage(
+            "tiles of a cloud are those of a model of its ground, which is planned first",
+        )
+        .in_file(&path_of(&args.input[0]))
+        .remedy("pass terrane plan grid with --dtm, run it, and plan the tiles of that grid"));
     }
     let resources = Resources::default();
     let options = args.grid.open_options(&resources);
@@ -159,6 +190,19 @@ fn plan_of_tiles(args: &TilesArgs) -> Result<Outcome> {
     Ok(Outcome::Kept)
 }
 
+fn plan_of_points(args: &PointsArgs, cancel: &Cancel) -> Result<Outcome> {
+    let resources = Resources::default();
+    let options = args.wanted.open_options(&resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
+    let options = args.many.reading(options);
+    let job = args.wanted.job(names, options, &args.folder.join("points"), resources)?;
+    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
+    let report = plan_points(&plan, args.show.progress().as_ref(), cancel)?;
+    args.show.tell(&report, || status::points_summary(&report))?;
+    Ok(Outcome::Kept)
+}
+
 fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
     let format = write::by_name(args.wanted.file.format.as_deref().unwrap_or("GTiff"))?;
     args.wanted.check(format)?;
@@ -166,7 +210,8 @@ fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
     let options = args.wanted.open_options(&resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
-    let mut job = args.wanted.job(&names, resources)?;
+    let mut job = args.model.job(args.wanted.job(&names, resources)?)?;
+    job.cloud = args.many.reading(job.cloud);
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
     let plan = PlanJob { job, folder: args.folder.clone(), cut: args.tile, skipped };
     let report = plan_grid(&plan, args.show.progress().as_ref(), cancel)?;

@@ -5,37 +5,38 @@ use std::path::PathBuf;
 use crate::cli::plan::status;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, say, text};
-use crate::cli::{grid, tiles, tin};
+use crate::cli::{grid, points, tiles, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::grid::plan::{GridRun, run_grid};
 use crate::jobs::plan::{self, Kind, RunJob, kind};
 use crate::jobs::tiles::run_tiles;
 use crate::jobs::tin::{Form, RunReport, TinReport, run_plan};
+use crate::jobs::translate::plan::{PointsRun, run_points};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
-/// then the mesh, grid or tiles are written. Killed, it goes on where it was when it is run again
+/// then the mesh, grid, tiles or points are written. Killed, it goes on where it was when it is run again
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder of the plan
     folder: PathBuf,
-    /// Only this task, such as strip-0, seam-0, tile-0, near-0 or finish; many may be done at the same time, on any
+    /// Only this task, such as strip-0, seam-0, tile-0, near-0, squares-0 or finish; many may be done at the same time, on any
     /// machine that sees the folder and the input
     #[arg(long, value_name = "ID")]
     task: Option<String>,
-    /// File, or folder of tiles, to write [default: in the folder]
+    /// File, or folder of tiles or points, to write [default: in the folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     #[command(flatten)]
     how: How,
 }
 
-/// Write the mesh, grid or tiles of a plan whose other tasks are all done
+/// Write the mesh, grid, tiles or points of a plan whose other tasks are all done
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
-    /// File, or folder of tiles, to write [default: in the folder]
+    /// File, or folder of tiles or points, to write [default: in the folder]
     output: Option<PathBuf>,
     #[command(flatten)]
     how: How,
@@ -123,6 +124,12 @@ fn work(
             let report = run_tiles(&job, how.show.progress().as_ref(), cancel)?;
             how.show.tell(&report, || tiles_summary(&report))?;
         }
+        Kind::Points => {
+            how.refuse_split("points")?;
+            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+            let report = run_points(&job, how.show.progress().as_ref(), cancel)?;
+            how.show.tell(&report, || points_summary(&report))?;
+        }
     }
     Ok(Outcome::Kept)
 }
@@ -142,6 +149,11 @@ impl How {
 fn tiles_summary(r: &crate::jobs::tiles::RunReport) -> String {
     let made = format!("{} tiles", text::count(r.of.made_tiles));
     told(r, &rows(r, made, None), r.of.tiles.as_ref().map(tiles::summary))
+}
+
+fn points_summary(r: &PointsRun) -> String {
+    let made = format!("{} points written", text::count(r.of.points));
+    told(r, &rows(r, made, None), r.of.written.as_ref().map(points::written_squares))
 }
 
 fn grid_summary(r: &GridRun) -> String {

@@ -10,6 +10,7 @@ use crate::jobs::plan::{self, Forecast, Kind, kind};
 use crate::jobs::sift::Skipped;
 use crate::jobs::tiles::{self, tiles_status};
 use crate::jobs::tin::{StatusReport, status_of};
+use crate::jobs::translate::plan::{PointsStatus, points_status};
 
 /// Tell which tasks of a plan are done and which are not
 #[derive(Clone, Debug, clap::Args)]
@@ -34,6 +35,7 @@ fn run(args: &Args) -> Result<Outcome> {
         Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
         Kind::Grid => tell(args, &grid_status(&args.folder)?, grid_summary),
         Kind::Tiles => tell(args, &tiles_status(&args.folder)?, tiles_summary),
+        Kind::Points => tell(args, &points_status(&args.folder)?, points_summary),
     }
 }
 
@@ -68,6 +70,19 @@ pub(crate) fn summary(r: &StatusReport) -> String {
         ("max error", format!("{error}, written as {}", r.format)),
     ];
     table("mesh", of, r)
+}
+
+/// The plan of squares of points for people.
+pub(crate) fn points_summary(r: &PointsStatus) -> String {
+    let [columns, rows] = r.of.squares.map(text::count);
+    let (side, cut) = (text::number(r.of.side), text::count(r.tile_cells.into()));
+    let squares =
+        format!("{columns} x {rows} of {side}, {cut} x {cut} to a task, written as {}", r.format);
+    table(
+        "points",
+        [("cloud", format!("{} points", text::count(r.of.points))), ("squares", squares)],
+        r,
+    )
 }
 
 /// The plan of tiles for people.

@@ -6,7 +6,6 @@ use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::grid::GroundFrom;
 use crate::jobs::tiles::GroundModel;
-use terrane_ground::Asked;
 
 /// The model of the ground of a cloud.
 #[derive(Clone, Debug, clap::Args)]
@@ -34,12 +33,7 @@ impl GroundName {
 
     /// "auto", "class", or a method with its parameters.
     pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {
-        let from = match text.to_ascii_lowercase().as_str() {
-            "auto" => Ok(GroundFrom::Auto),
-            "class" => Ok(GroundFrom::Class),
-            _ => Asked::parse(text).map(GroundFrom::Method),
-        };
-        from.map(Self).map_err(|e| e.to_string())
+        text.parse().map(Self).map_err(|e: Error| e.to_string())
     }
 }
 

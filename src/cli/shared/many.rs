@@ -21,7 +21,8 @@ pub(crate) struct Many {
     /// Take the files in folders below the folders, too
     #[arg(long)]
     recursive: bool,
-    /// Go on without files that cannot be opened: each is told on stderr and listed in the report
+    /// Go on without files that cannot be opened: each is told on stderr and listed in the report. Of clouds, damage
+    /// that shows only while points are read costs those points, as with --salvage, and a note names the file
     #[arg(long)]
     pub(crate) skip_bad: bool,
 }
@@ -165,6 +166,11 @@ impl Many {
         let sifted = kind.sift(&names, resources)?;
         sifted.skipped.iter().for_each(tell);
         Ok(sifted)
+    }
+
+    /// How clouds are read whose bad files are sifted out: what is damaged inside of others goes, too.
+    pub(crate) fn reading(&self, options: cloud::OpenOptions) -> cloud::OpenOptions {
+        cloud::OpenOptions { salvage: options.salvage || self.skip_bad, ..options }
     }
 
     fn sifts(&self, names: &[String]) -> bool {

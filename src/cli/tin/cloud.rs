@@ -23,6 +23,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         args.many.take(&args.input, Kind::Clouds(&options), &resources)?;
     let args = &Args { input: names, ..args.clone() };
     let job = job(args)?;
+    let job = CloudTinJob { options: args.many.reading(job.options.clone()), ..job };
     let progress = args.show.progress();
     let made = cloud_tin::run(&job, progress.as_ref(), cancel)?;
     let checked = match args.verify {

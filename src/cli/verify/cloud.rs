@@ -18,6 +18,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
     let args = &Args { source: names, ..args.clone() };
     let job = job(args)?;
+    let job = CloudVerifyJob { options: args.many.reading(job.options.clone()), ..job };
     let report = verify_cloud(&job, args.show.progress().as_ref(), cancel)?;
     let whole = report::WithSkipped { report: &report, skipped: &skipped };
     told::finish(args, &whole, &report.verdict, || summary(&report))

@@ -31,7 +31,7 @@ fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
     let read = [cloud::files(&names)?, args.points.files()?].concat();
     let job = job(args, read, Inputs::default())?;
-    let model = args.ground.model(names, options);
+    let model = args.ground.model(names, args.many.reading(options));
     let report = verify_tiles_of_cloud(&model, &job, args.show.progress().as_ref(), cancel)?;
     tell(args, &report, &skipped)
 }

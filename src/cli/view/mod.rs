@@ -161,7 +161,7 @@ fn inputs(
     }
     let options = args.cloud.open_options(resources)?;
     let files = args.many.take(&args.input, many::Kind::Clouds(&options), resources)?;
-    Ok((files, Some(options)))
+    Ok((files, Some(args.many.reading(options))))
 }
 
 fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewReport> {

@@ -9,9 +9,10 @@ use pyo3::types::PyDict;
 use terrane::{Filter, Flags, GridBuilder, Marks, Preset, Return};
 
 use crate::error::told;
-use crate::grid::{crs_of, inputs};
+use crate::grid::{System, crs_of, inputs};
 use crate::mesh::crs_text;
 use crate::plan::Plan;
+use crate::points::{self, Points};
 use crate::report::dictionary;
 use crate::work::{Machine, Settings, run, with_machine};
 
@@ -195,6 +196,29 @@ impl Cloud {
     ) -> PyResult<Plan> {
         let make = |machine: &Machine| with_machine!(asked.of(&self.0)?, machine).plan(folder, cut);
         run(py, settings, make).map(Plan)
+    }
+
+    fn points<'py>(
+        &self,
+        py: Python<'py>,
+        path: PathBuf,
+        asked: Points,
+        system: System,
+        overwrite: bool,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        points::write(py, &self.0, (path, &asked, system), overwrite, settings)
+    }
+
+    fn plan_points(
+        &self,
+        py: Python<'_>,
+        folder: PathBuf,
+        asked: Points,
+        cut: Option<u32>,
+        settings: Settings,
+    ) -> PyResult<Plan> {
+        points::plan(py, &self.0, (folder, &asked, cut), settings)
     }
 
     fn write_tin<'py>(

@@ -87,16 +87,16 @@ impl Asked {
 /// The system that an output is to be in, as Python has it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct System {
-    to_crs: Option<String>,
-    shift_grid: Option<PathBuf>,
-    geoid: Option<PathBuf>,
+pub(crate) struct System {
+    pub(crate) to_crs: Option<String>,
+    pub(crate) shift_grid: Option<PathBuf>,
+    pub(crate) geoid: Option<PathBuf>,
 }
 
 /// Gives a builder what `system` says.
 macro_rules! with_system {
     ($builder:expr, $system:expr) => {{
-        let (System { to_crs, shift_grid, geoid }, mut builder) = ($system, $builder);
+        let ($crate::grid::System { to_crs, shift_grid, geoid }, mut builder) = ($system, $builder);
         if let Some(target) = to_crs {
             builder = builder.to_crs(target);
         }
@@ -109,6 +109,7 @@ macro_rules! with_system {
         builder
     }};
 }
+pub(crate) use with_system;
 
 /// What tiles are to be, as Python has it.
 #[derive(FromPyObject)]

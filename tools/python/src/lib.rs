@@ -9,6 +9,7 @@ mod interpreter;
 mod lines;
 mod mesh;
 mod plan;
+mod points;
 mod report;
 mod work;
 

@@ -157,3 +157,39 @@ def test_meshes_of_points(tmp_path: Path, points: NDArray[np.float64]) -> None:
 def test_what_is_no_cloud_is_refused(points: Any, options: dict[str, Any], told: str) -> None:
     with pytest.raises(terrane.Error, match=told):
         terrane.grid(points, **{"cell": 1.0, **options})
+
+
+def test_points(las: str, points: NDArray[np.float64], tmp_path: Path) -> None:
+    """Points are written with what is known of them, as one file, as squares, and by a plan."""
+    thin = tmp_path / "thin.laz"
+    made = terrane.points(las, thin, classes=[1, 2], thin="10:highest", point_format=7)
+    assert (made["files"], made["point_format"]) == (1, 7)
+    kept = laspy.read(thin)
+    assert len(kept) == made["points"] == 60 and set(kept.classification) <= {1, 2}
+    with pytest.raises(terrane.ExistsError):
+        terrane.points(las, thin)
+    squares, planned = tmp_path / "squares", tmp_path / "planned"
+    how: dict[str, Any] = {"buffer": 3.0, "dedupe": True}
+    made = terrane.points(las, squares, tile=25.0, **how)
+    plan = terrane.plan_points(las, tmp_path / "work", 25.0, cut=2, **how)
+    plan.run(task="squares-1")
+    assert plan.run(output=planned)["found"] == 1
+    names = sorted(path.name for path in squares.iterdir())
+    assert len(names) == made["files"] == 12 and names == sorted(p.name for p in planned.iterdir())
+    assert all((squares / name).read_bytes() == (planned / name).read_bytes() for name in names)
+    own = sum((~laspy.read(squares / name).withheld.astype(bool)).sum() for name in names)
+    assert own == sum(np.arange(len(points)) % 7 != 0), "each point once, but for those that were withheld"
+
+
+def test_points_are_refused_by_name(points: NDArray[np.float64], tmp_path: Path) -> None:
+    """What cannot be is told with the remedy."""
+    with pytest.raises(terrane.Error, match="pass paths"):
+        terrane.points(points, tmp_path / "a.laz")
+    with pytest.raises(terrane.Error, match="around squares"):
+        terrane.points("a.las", tmp_path / "a.laz", buffer=2.0)
+    file = tmp_path / "a.xyz"
+    file.write_text("1 2 3\n4 5 6\n")
+    with pytest.raises(terrane.Error, match="classify: grond is none of ground"):
+        terrane.points(f"cloud:{file}", tmp_path / "a.laz", classify="grond")
+    with pytest.raises(terrane.Error, match="by rule"):
+        terrane.points("synth:cloud,size=20", tmp_path / "a.laz")

@@ -1,4 +1,4 @@
-"""One table of what plans promise: meshes and grids, done by `run`, task by task, by Dask and by Slurm,
+"""One table of what plans promise: meshes, grids and points, done by `run`, task by task, by Dask and by Slurm,
 killed on the way or with damaged results. The bytes at the end are always those of one run."""
 
 from __future__ import annotations
@@ -6,6 +6,7 @@ from __future__ import annotations
 import inspect
 import os
 import random
+import shutil
 import signal
 import subprocess
 from collections.abc import Callable
@@ -22,9 +23,24 @@ SLURM = TESTS.parents[1] / "slurm" / "terrane-slurm.sh"
 INPUTS = {
     "tin": ["tin", "synth:rough,width=1500,height=3000,seed=3", "--max-error", "0.4", "--tile", "128"],
     "grid": ["grid", "synth:cloud,size=1100,density=1,seed=3", "--cell", "1", "--stat", "tin,mean"],
+    "points": ["points", "cloud.laz", "--tile", "60", "--height-above-ground", "--buffer", "9"],
 }
-MORE = {"tin": ["--strip-rows", "2"], "grid": ["--tile", "256"]}
-OUTPUT = {"tin": "mesh.ply", "grid": "grid.tif"}
+MORE = {"tin": ["--strip-rows", "2"], "grid": ["--tile", "256"], "points": ["--cut", "2"]}
+OUTPUT = {"tin": "mesh.ply", "grid": "grid.tif", "points": "points"}
+
+
+def contents(output: Path) -> list[tuple[str, bytes]]:
+    """The bytes of a file, or of all in a folder."""
+    files = sorted(output.iterdir()) if output.is_dir() else [output]
+    return [(path.name, path.read_bytes()) for path in files]
+
+
+def remove(output: Path) -> None:
+    """Removes a file or a folder."""
+    if output.is_dir():
+        shutil.rmtree(output)
+    else:
+        output.unlink()
 
 
 class Plan:
@@ -33,12 +49,15 @@ class Plan:
     def __init__(self, kind: str, folder: Path) -> None:
         self.folder, self.output = folder / "work", folder / "work" / OUTPUT[kind]
         what, source, *how = INPUTS[kind]
+        if kind == "points":
+            source = str(folder / source)
+            terrane("synth", "cloud,size=400,density=2,seed=3", source, "-q")
         whole = folder / OUTPUT[kind]
         terrane(what, source, whole, *how, "-q")
-        self.expected = whole.read_bytes()
+        self.expected = contents(whole)
         terrane("plan", what, source, "-o", self.folder, *how, *MORE[kind], "-q")
         self.tasks = [task["id"] for task in self.status()["to_do"]]
-        self.endings = ["object" if kind == "tin" else "tif", "json"]
+        self.endings = ["tif" if kind == "grid" else "object", "json"]
 
     def status(self) -> dict[str, object]:
         """How far it is."""
@@ -54,7 +73,7 @@ class Plan:
 
     def is_right(self) -> bool:
         """True when the output is that of one run."""
-        return self.output.read_bytes() == self.expected
+        return contents(self.output) == self.expected
 
 
 def by_run(plan: Plan, processes: Processes) -> subprocess.Popen[str]:
@@ -102,7 +121,7 @@ def test_killed(kind: str, way: str, tmp_path: Path, processes: Processes) -> No
 def test_damaged(kind: str, way: str, tmp_path: Path, processes: Processes) -> None:
     plan, chance = Plan(kind, tmp_path), random.Random(kind + way)
     terrane("run", plan.folder, "-q")
-    plan.output.unlink()
+    remove(plan.output)
     sound = {path: path.read_bytes() for path in plan.objects()}
     for path in chance.sample(sorted(sound), 3):
         harm = bytearray(sound[path])
@@ -152,7 +171,8 @@ def test_the_function_does_what_the_command_does(kind: str, tmp_path: Path) -> N
         assert (report.done, report.tasks) == (len(plan.tasks), len(plan.tasks))
         again = dask.run(plan.folder, client, terrane=TERRANE)
         assert again.done == 0 and again.skipped == len(plan.tasks)
-        plan.output.write_bytes(b"mine")
+        one = next(plan.output.iterdir()) if plan.output.is_dir() else plan.output
+        one.write_bytes(b"mine")
         with pytest.raises(dask.Stop, match="was altered") as stop:
             dask.run(plan.folder, client, terrane=TERRANE)
         assert stop.value.code == 2

@@ -44,6 +44,7 @@ use crate::memory::PROGRAM;
 use crate::on_cloud::OnCloud;
 use crate::placing::{Placed, Placing};
 use crate::points::{Filling, PointStore, Tiling};
+use crate::sift::Losses;
 use crate::tin::{FlawReport, StageReport, horizontal_unit, vertical_unit};
 use crate::{Cancel, Progress, Resources, peak_memory, workers};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -217,6 +218,7 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     let mut report = make(job, &*source, features, format, progress, cancel)?;
     report.files = source.files().len() as u64;
     report.notes.extend_from_slice(source.notes());
+    report.notes.extend(Losses::of(&*source).notes());
     report.notes.extend(source.info().crs.lost_in_wkt());
     report.run.wall_seconds = started.elapsed().as_secs_f64();
     report.points_per_second = report.run.rate(report.points.read);
@@ -252,6 +254,7 @@ pub(super) fn make(
         threads: job.resources.threads.max(1),
         memory: memory / 8 * division.points,
         folder,
+        within: None,
         progress,
         cancel,
     };

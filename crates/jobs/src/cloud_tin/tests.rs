@@ -58,7 +58,8 @@ fn mesh_with(
 ) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
     let folder = tempfile::tempdir().unwrap();
     let (progress, cancel) = (&Silent, &Cancel::default());
-    let filling = Filling { threads, memory, folder: folder.path(), progress, cancel };
+    let filling =
+        Filling { threads, memory, folder: folder.path(), within: None, progress, cancel };
     let tiling = Tiling::new(source.info.bounds.unwrap(), source.info.count);
     let points = PointStore::fill(source, tiling, &filling).unwrap();
     let hull = points.hull().unwrap();

@@ -7,18 +7,19 @@ use super::blocks::Blocks;
 use super::budget::Budget;
 use super::extent::Extent;
 use super::feed::{Fed, Feed};
+use super::near::Near;
 use super::neighbours::{self, Heights, Surfaces};
-use super::preset::{self, Making, Model};
+use super::preset::{self, Making, Model, Seen};
 use super::report::{BandReport, GridReport, GridStage};
 use super::source::{BandSource, Cells, Finished};
 use crate::convert::{copy_levels, task};
 use crate::figures::Figures;
 use crate::points::{Limits, parts_in};
+use crate::sift::Losses;
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
 use terrane_cloud::{Columns, PointSource};
-use terrane_delaunay::Window;
 use terrane_gridding::{Band, Recipe, Units};
 use terrane_raster::write::GridSink;
 use terrane_raster::{GridInfo, GridSource};
@@ -28,8 +29,9 @@ pub(super) struct Maker<'a> {
     pub(super) points: &'a dyn PointSource,
     pub(super) job: &'a GridJob,
     pub(super) extent: Extent,
-    /// Only what may have points in it is read.
-    pub(super) within: Option<Window>,
+    /// Only what may have points in it is read; a model needs what was seen of the whole cloud then.
+    pub(super) within: Option<Near>,
+    pub(super) seen: Option<&'a Seen>,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
@@ -43,7 +45,7 @@ impl<'a> Maker<'a> {
         cancel: &'a Cancel,
     ) -> Result<Self> {
         let extent = Extent::new(points.info(), job)?;
-        Ok(Self { points, job, extent, within: None, progress, cancel })
+        Ok(Self { points, job, extent, within: None, seen: None, progress, cancel })
     }
 
     /// Makes and writes it from the whole cloud.
@@ -64,7 +66,7 @@ impl<'a> Maker<'a> {
         let parts = self.parts();
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
         if job.preset.is_some() {
-            let least = preset::least(job, self.points.info());
+            let least = preset::least(job, self.points.info(), self.seen);
             Budget::check(&job.resources, format, (sink.as_ref(), extent, &recipe), least)?;
         }
         let budget = Budget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
@@ -88,8 +90,11 @@ impl<'a> Maker<'a> {
         let made_of = finished.heights.as_ref().map_or(&[][..], Heights::notes).to_vec();
         let notes = [extent.notes.clone(), made_of, sink.notes()].concat();
         let output_bytes = sink.finish()?;
+        let mut losses = Losses::of(self.points);
+        finished.heights.iter().filter_map(Heights::losses).for_each(|more| losses.add(more));
         Ok(Some(GridReport {
             points: fed.census,
+            losses,
             outside_grid: fed.outside,
             bands: bands.reports(&valid),
             notes,
@@ -114,7 +119,7 @@ impl<'a> Maker<'a> {
     /// The parts of the cloud that are read.
     fn parts(&self) -> Vec<usize> {
         match &self.within {
-            Some(window) => parts_in(self.points, window),
+            Some(near) => parts_in(self.points, &near.window()),
             None => (0..self.points.parts()).collect(),
         }
     }
@@ -129,12 +134,13 @@ impl<'a> Maker<'a> {
         let Self { points, job, progress, cancel, .. } = *self;
         if let Some(preset) = job.preset {
             let reading = job.reading();
-            let making = Making { job, reading, threads, memory, progress, cancel };
+            let part = self.within.zip(self.seen);
+            let making = Making { job, reading, threads, memory, points, part, progress, cancel };
             let model = Model::new(preset, points.info(), &making)?;
             let fed = Fed { census: model.census, outside: 0 };
             return Ok((fed, Some(Heights::Model(Box::new(model)))));
         }
-        let limits = || self.within.map(|window| Limits::new(points, window));
+        let limits = || self.within.map(|near| Limits::new(points, near.window()));
         let store = (memory > 0).then(|| {
             neighbours::store(points.info(), job.spill_folder(), memory).limited(limits())
         });

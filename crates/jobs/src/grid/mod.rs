@@ -8,6 +8,7 @@ mod feed;
 mod lane;
 mod level;
 mod make;
+mod near;
 mod neighbours;
 pub mod plan;
 pub(crate) mod preset;
@@ -24,6 +25,7 @@ use crate::plan::as_text;
 use crate::{Cancel, Progress, Resources};
 pub use extent::{Compat, Placement};
 use make::Maker;
+pub(crate) use near::{Near, near_steps};
 pub(crate) use neighbours::{Surfaces, WORKER, tiling};
 pub(crate) use preset::GROUND;
 pub use preset::{GroundFrom, Preset};
@@ -54,10 +56,8 @@ pub struct GridJob {
     /// A band for each ([`gridding::parse_list`]).
     pub stats: Vec<Asked>,
     /// The model of the terrain that the only band is ([`Preset::band`]), if it is one.
-    #[serde(skip)]
     pub preset: Option<Preset>,
     /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
-    #[serde(skip)]
     pub ground: GroundFrom,
     /// The name of a file with water, which is made level, for a model of the ground.
     #[serde(skip)]
@@ -274,7 +274,8 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     let mut report = Maker::of_whole(&*cloud, job, progress, cancel)?.make()?;
     let stages = [vec![opened], report.stages].concat();
     report.run.wall_seconds = start.elapsed().as_secs_f64();
-    let notes = [cloud.notes().to_vec(), report.notes].concat();
+    let lost = report.losses.notes().collect();
+    let notes = [cloud.notes().to_vec(), lost, report.notes].concat();
     let files = cloud.files().len();
     Ok(GridReport { stages, notes, files, ..report })
 }

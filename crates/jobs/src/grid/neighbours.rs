@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::extent::Extent;
-use super::preset::Model;
+use super::preset::{Model, more_is_needed};
 use crate::points::{Around, PointStore, Positions, Surface, Tiling};
-use terrane_base::error::{Error, ErrorKind, Result};
+use crate::sift::Losses;
+use terrane_base::error::Result;
 use terrane_base::geom::{Frame, Point, Rect};
 use terrane_cloud::CloudInfo;
 use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
@@ -47,7 +48,7 @@ impl Heights {
     pub(super) fn is_exceeded(&self) -> bool {
         match self {
             Self::Surfaces(surfaces) => surfaces.store.is_exceeded(),
-            Self::Model(_) => false,
+            Self::Model(model) => model.is_exceeded(),
         }
     }
 
@@ -56,6 +57,14 @@ impl Heights {
         match self {
             Self::Surfaces(_) => &[],
             Self::Model(model) => &model.notes,
+        }
+    }
+
+    /// Files whose damage was passed over, where they are read for these alone.
+    pub(super) fn losses(&self) -> Option<&Losses> {
+        match self {
+            Self::Surfaces(_) => None,
+            Self::Model(model) => Some(&model.losses),
         }
     }
 
@@ -112,8 +121,7 @@ impl Surfaces {
         };
         let Self { store, hull, frame } = self;
         if store.is_exceeded() {
-            let message = "more of the cloud has to be read";
-            return Err(Error::new(ErrorKind::Resource, message));
+            return Err(more_is_needed());
         }
         let surface = Surface { store, hull, frame: *frame, shape };
         let centres = Centres::new(extent, rect, frame);

@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::figures::Figures;
+use crate::sift::Losses;
 use terrane_cloud::Census;
 use terrane_raster::WaterReport;
 
@@ -37,6 +38,9 @@ pub struct GridReport {
     /// What became of water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
+    /// Files whose damage was passed over; the notes tell of them.
+    #[serde(skip)]
+    pub losses: Losses,
     /// What is odd about the cloud, or what the format could not say.
     pub notes: Vec<String>,
     pub output_bytes: u64,

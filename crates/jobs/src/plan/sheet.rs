@@ -31,6 +31,8 @@ pub enum Kind {
     Grid,
     /// Tiles of the globe ([`tiles`](crate::tiles)).
     Tiles,
+    /// Squares of points ([`translate::plan`](crate::translate::plan)).
+    Points,
 }
 
 /// A plan.
@@ -77,7 +79,7 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
         return Err(Error::bad_input("holds no plan").in_file(folder).remedy(
-            "make one: terrane plan tin GRID..., plan grid CLOUD... or plan tiles GRID..., -o FOLDER",
+            "make one: terrane plan tin GRID..., plan tiles GRID..., plan grid CLOUD... or plan points CLOUD..., -o FOLDER",
         ));
     }
     let fail = |e| Error::read(&path, e);

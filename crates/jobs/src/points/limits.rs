@@ -4,7 +4,8 @@
 //! reaches out of the window that was read, and a position that the points read do not surround but those
 //! of unread parts might. Then more has to be read, and the work done again. Both notes are on the safe
 //! side, so what comes out is what the whole cloud gives. With a longest edge, corners of triangles that
-//! count lie within it, and nothing further away can matter.
+//! count lie within it, and nothing further away can matter. Where the hull of all points is known, they are
+//! added to those read, and tell which positions are surrounded.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,22 +33,27 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
+    /// Of a store that has all its points in `window`, and those of its hull.
+    pub(crate) fn with_hull(source: &dyn PointSource, window: Window) -> Self {
+        Self {
+            window,
+            cloud: across(source.info().bounds.unwrap_or_default()),
+            others: Hull::default(),
+            outer: OnceLock::new(),
+            exceeded: AtomicBool::new(false),
+        }
+    }
+
     /// Of the parts of a cloud that may have points in `window`; the others are not read.
     pub(crate) fn new(source: &dyn PointSource, window: Window) -> Self {
-        let bounds = source.info().bounds.unwrap_or([Point::default(); 2]);
         let corners = (0..source.parts())
             .filter_map(|part| source.bounds_of(part))
             .filter(|bounds| !window.covers(&across(*bounds)))
             .flat_map(|[low, high]| {
                 [low, Point::new(high.x, low.y, 0), high, Point::new(low.x, high.y, 0)]
             });
-        Self {
-            window,
-            cloud: across(bounds),
-            others: Hull::of(corners.collect()),
-            outer: OnceLock::new(),
-            exceeded: AtomicBool::new(false),
-        }
+        let others = Hull::of(corners.collect());
+        Self { others, ..Self::with_hull(source, window) }
     }
 
     /// True once an answer needed more than the window.

@@ -19,6 +19,7 @@ pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Surface, reach};
 pub(crate) use limits::{Limits, parts_in};
 pub(crate) use tiling::Tiling;
 
+use crate::sift::Losses;
 use crate::workers;
 use crate::{Cancel, Progress};
 use terrane_base::error::Result;
@@ -63,8 +64,11 @@ pub(crate) struct PointStore {
     points: Buckets<Point>,
     summaries: Vec<Mutex<Summary>>,
     census: Census,
+    losses: Losses,
     /// Where not all of the cloud is in it.
     limits: Option<Limits>,
+    /// Where no points are kept, but what surrounds them.
+    outline: Option<Mutex<Hull>>,
 }
 
 /// How a store is filled.
@@ -75,20 +79,38 @@ pub(crate) struct Filling<'a> {
     pub(crate) memory: u64,
     /// Folder of the temporary file, if one is needed.
     pub(crate) folder: &'a Path,
+    /// Only what lies in it, where it is not all of the cloud.
+    pub(crate) within: Option<Window>,
     pub(crate) progress: &'a dyn Progress,
     pub(crate) cancel: &'a Cancel,
 }
 
 impl PointStore {
-    /// Reads the whole cloud once.
+    /// Reads the cloud once.
     pub(crate) fn fill(
         source: &dyn PointSource,
         tiling: Tiling,
         filling: &Filling<'_>,
     ) -> Result<Self> {
-        let mut store = Self::empty(tiling, filling.folder, filling.memory);
-        store.census = store.read_all(source, filling)?;
-        Ok(store)
+        Self::empty(tiling, filling.folder, filling.memory).filled(source, filling)
+    }
+
+    /// The same store with the points of a cloud, read once.
+    pub(crate) fn filled(self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Self> {
+        let census = self.read_all(source, filling, &|batch| match filling.within {
+            None => self.add(batch),
+            Some(window) => {
+                let near: Vec<_> =
+                    batch.iter().filter(|p| window.contains([p.x, p.y])).copied().collect();
+                self.add(&near)
+            }
+        })?;
+        Ok(Self { census, losses: Losses::of(source), ..self })
+    }
+
+    /// The same store, which will know its squares and what surrounds its points, and keep none of these.
+    pub(crate) fn outline(self) -> Self {
+        Self { outline: Some(Mutex::default()), ..self }
     }
 
     /// A store without points, which may have about `memory` bytes of them before it takes to a file
@@ -96,7 +118,15 @@ impl PointStore {
     pub(crate) fn empty(tiling: Tiling, folder: &Path, memory: u64) -> Self {
         let summaries = (0..tiling.count()).map(|_| Mutex::new(Summary::EMPTY)).collect();
         let points = Buckets::new(folder, tiling.count(), memory);
-        Self { tiling, points, summaries, census: Census::default(), limits: None }
+        Self {
+            tiling,
+            points,
+            summaries,
+            census: Census::default(),
+            losses: Losses::default(),
+            limits: None,
+            outline: None,
+        }
     }
 
     /// The same store, which will hold only the points within `limits`, if there are any.
@@ -109,11 +139,20 @@ impl PointStore {
         self.limits.as_ref().is_some_and(Limits::is_exceeded)
     }
 
-    fn read_all(&self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Census> {
+    fn read_all(
+        &self,
+        source: &dyn PointSource,
+        filling: &Filling<'_>,
+        take: &(dyn Fn(&[Point]) -> Result<()> + Sync),
+    ) -> Result<Census> {
         let census = Mutex::new(Census::default());
-        filling.progress.begin("read", source.info().count);
+        let parts = match &filling.within {
+            Some(window) => parts_in(source, window),
+            None => (0..source.parts()).collect(),
+        };
+        filling.progress.begin("read", parts.iter().map(|part| source.points_of(*part)).sum());
         let part = |found: &mut Census, part: u64| {
-            let read = source.read(part as usize, &mut |batch| self.add(batch))?;
+            let read = source.read(parts[part as usize], &mut |batch| take(batch))?;
             found.add(&read);
             filling.progress.advance(read.read);
             Ok(())
@@ -122,18 +161,23 @@ impl PointStore {
             lock(&census).add(&found);
             Ok(())
         };
-        let parts = source.parts() as u64;
-        workers::run(filling.threads, parts, filling.cancel, Census::default, part, finish)?;
+        let count = parts.len() as u64;
+        workers::run(filling.threads, count, filling.cancel, Census::default, part, finish)?;
         filling.progress.end();
         Ok(*lock(&census))
     }
 
     /// Adds points; those that follow each other within a square go together.
     pub(crate) fn add(&self, points: &[Point]) -> Result<()> {
+        if let Some(outline) = &self.outline {
+            surround(outline, points);
+        }
         for run in points.chunk_by(|a, b| self.tiling.square_of(*a) == self.tiling.square_of(*b)) {
             let square = self.tiling.square_of(run[0]);
             lock(&self.summaries[square]).add(run);
-            self.points.push(square, run)?;
+            if self.outline.is_none() {
+                self.points.push(square, run)?;
+            }
         }
         Ok(())
     }
@@ -141,6 +185,11 @@ impl PointStore {
     /// Where the squares lie.
     pub(crate) fn tiling(&self) -> &Tiling {
         &self.tiling
+    }
+
+    /// Files whose damage was passed over.
+    pub(crate) fn losses(&self) -> &Losses {
+        &self.losses
     }
 
     /// What became of the points read.
@@ -188,6 +237,9 @@ impl PointStore {
 
     /// The convex hull of all points.
     pub(crate) fn hull(&self) -> Result<Hull> {
+        if let Some(outline) = &self.outline {
+            return Ok(lock(outline).clone());
+        }
         let summaries = || (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
         let inner = Hull::of(summaries().map(|(_, summary)| summary.lowest).collect());
         let (mut hull, mut points) = (inner.clone(), Vec::new());
@@ -241,4 +293,13 @@ impl PointStore {
     pub(crate) fn spilled(&self) -> u64 {
         self.points.spilled()
     }
+}
+
+/// Makes a hull that of more points.
+fn surround(hull: &Mutex<Hull>, points: &[Point]) {
+    let known = lock(hull).clone();
+    let is_beyond = |p: &&Point| known.place(Position::of([p.x, p.y])) != Place::Inside;
+    let beyond = Hull::of(points.iter().filter(is_beyond).copied().collect());
+    let mut hull = lock(hull);
+    *hull = hull.merge(&beyond);
 }

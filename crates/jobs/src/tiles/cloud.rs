@@ -63,8 +63,7 @@ pub(crate) struct Made {
 /// succeeds. With a folder for work both the model and the tiles go on where they were, if they were killed.
 ///
 /// # Errors
-/// Those of [`grid::run`] and [`run`](super::run); a cloud whose place on the globe is not known; a folder for work
-/// without saying which points are ground, as a filter looks at the whole cloud at once.
+/// Those of [`grid::run`] and [`run`](super::run); a cloud whose place on the globe is not known.
 pub fn run_cloud(
     model: &GroundModel,
     job: &TilesJob,
@@ -127,18 +126,8 @@ impl GroundModel {
         cancel: &Cancel,
     ) -> Result<Made> {
         let job = self.job(resources)?;
-        if self.ground != GroundFrom::Class && self.cloud.filter.classes.is_none() {
-            return Err(Error::usage(
-                "with --workdir it has to be said which points are ground: a filter looks at the whole cloud at once",
-            )
-            .remedy("pass --class 2, or leave out --workdir"));
-        }
         let folder = kept.folder.join(PARTS[0]);
         std::fs::create_dir_all(&folder).map_err(|e| Error::write(&folder, e))?;
-        // What a preset makes of classes is their triangulation.
-        let mut cloud = job.cloud.clone();
-        cloud.filter.classes.get_or_insert_with(|| vec![grid::GROUND]);
-        let job = GridJob { preset: None, ground: GroundFrom::Auto, cloud, ..job };
         let path = folder.join(MODEL);
         let plan = PlanGridJob {
             job: GridJob { output: path.clone(), overwrite: true, ..job },
@@ -156,8 +145,8 @@ impl GroundModel {
             disk: kept.disk,
             resources: resources.clone(),
         };
-        run_grid(&run, progress, cancel)?;
-        self.made(path, Vec::new(), None)
+        let made = run_grid(&run, progress, cancel)?.of.grid;
+        self.made(path, made.map_or_else(Vec::new, |made| made.notes), None)
     }
 
     /// The job that makes it; its output is left to be named.

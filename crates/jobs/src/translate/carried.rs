@@ -2,23 +2,56 @@
 
 use std::sync::Mutex;
 
+use crate::points::parts_in;
+use crate::records::choice::place;
 use crate::records::{Records, Take};
 use terrane_base::error::Result;
 use terrane_cloud::{Carrier, Census, Cloud, PointSource};
+use terrane_delaunay::Window;
 use terrane_files::lock;
 
 /// The records that a carrier hands on.
 pub(super) struct CarriedRecords<'a> {
     cloud: &'a Cloud,
     carrier: &'a Carrier<'a>,
+    /// The parts that are read, and where points of them are wanted, if not everywhere.
+    parts: Vec<usize>,
+    within: Option<Window>,
     /// Of each part that was read.
     census: Mutex<Vec<Census>>,
 }
 
 impl<'a> CarriedRecords<'a> {
     pub(super) fn new(cloud: &'a Cloud, carrier: &'a Carrier<'a>) -> Self {
-        let census = Mutex::new(vec![Census::default(); cloud.parts()]);
-        Self { cloud, carrier, census }
+        Self::within(cloud, carrier, None)
+    }
+
+    /// Those that lie in a window of the cloud's frame, or all.
+    pub(super) fn within(
+        cloud: &'a Cloud,
+        carrier: &'a Carrier<'a>,
+        within: Option<Window>,
+    ) -> Self {
+        let all = || (0..cloud.parts()).collect();
+        let parts: Vec<_> = within.map_or_else(all, |window| parts_in(cloud, &window));
+        let census = Mutex::new(vec![Census::default(); parts.len()]);
+        Self { cloud, carrier, parts, within, census }
+    }
+
+    /// Points of all parts that are read, at most.
+    pub(super) fn count(&self) -> u64 {
+        self.parts.iter().map(|part| self.cloud.points_of(*part)).sum()
+    }
+
+    /// Whether a record lies where points are wanted.
+    fn is_in(&self, record: &[u8], window: &Window) -> bool {
+        let (at, by) = (place(record), self.carrier.shift());
+        window.contains([at.x.wrapping_sub(by[0]), at.y.wrapping_sub(by[1])])
+    }
+
+    /// The cloud that they are of.
+    pub(super) fn cloud(&self) -> &Cloud {
+        self.cloud
     }
 
     /// What became of the points.
@@ -31,15 +64,28 @@ impl<'a> CarriedRecords<'a> {
 
 impl Records for CarriedRecords<'_> {
     fn units(&self) -> usize {
-        self.cloud.parts()
+        self.parts.len()
     }
 
     fn points(&self, unit: usize) -> u64 {
-        self.cloud.points_of(unit)
+        self.cloud.points_of(self.parts[unit])
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let census = self.carrier.read(unit, take)?;
+        let (part, size) = (self.parts[unit], self.carrier.size());
+        let census = match &self.within {
+            None => self.carrier.read(part, take)?,
+            Some(window) => {
+                let mut near = Vec::new();
+                self.carrier.read(part, &mut |bytes| {
+                    near.clear();
+                    let all = bytes.chunks_exact(size);
+                    all.filter(|record| self.is_in(record, window))
+                        .for_each(|record| near.extend_from_slice(record));
+                    take(&near)
+                })?
+            }
+        };
         lock(&self.census)[unit] = census;
         Ok(())
     }

@@ -11,6 +11,9 @@ mod above;
 mod carried;
 mod moved;
 mod octree;
+pub mod plan;
+mod portion;
+mod prepared;
 mod squares;
 mod thin;
 
@@ -22,6 +25,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::figures::Figures;
+use crate::grid::preset::{Metres, around};
 use crate::input::workers;
 use crate::memory::PROGRAM;
 use crate::plan::At;
@@ -33,12 +37,15 @@ pub use above::{Above, Classify, HeightsAs, Layers};
 use above::{Looking, Told};
 use carried::CarriedRecords;
 use moved::{Move, MovedRecords};
+use portion::Portion;
+use prepared::{Prepared, least, record_bytes, stored};
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
 use terrane_cloud::{
     Carrier, Census, Cloud, CloudInfo, Filter, OpenOptions, PointFormat, PointSource,
 };
+use terrane_delaunay::Window;
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};
@@ -144,17 +151,25 @@ impl Shares {
         [needed, looking]: [u64; 2],
     ) -> Result<Self> {
         let chunk = (CHUNK * record) as u64;
-        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(looking);
-        let least = PROGRAM + worker + 4 * chunk + needed;
+        let [least, worker] = Self::least((record, extra), [needed, looking]);
         let Some(rest) = resources.memory.checked_sub(least) else {
-            let message = format!("the memory budget of {} bytes is too small", resources.memory);
+            let [needed, allowed] = [least.div_ceil(1 << 20), resources.memory >> 20];
+            let message =
+                format!("at least {needed} MiB of memory are needed, and {allowed} are allowed");
             return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {}M or more", least.div_ceil(1 << 20))));
+                .remedy(format!("pass --memory {needed}M or more")));
         };
         let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
         let rest = rest - worker * (threads as u64 - 1);
         let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
         Ok(Self { threads, flow: Flow { record, round }, marks: needed + rest / 2 })
+    }
+
+    /// Bytes without which nothing can be done, and those of them for a thread.
+    fn least((record, extra): (usize, usize), [needed, looking]: [u64; 2]) -> [u64; 2] {
+        let chunk = (CHUNK * record) as u64;
+        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(looking);
+        [PROGRAM + worker + 4 * chunk + needed, worker]
     }
 
     /// For the columns of an octree: bytes of one that is held, and of all that wait.
@@ -175,15 +190,28 @@ pub fn run(
 ) -> Result<TranslateReport> {
     let (start, at) = (Instant::now(), At { progress, cancel });
     refuse_existing(&job.output, job.overwrite)?;
-    let packing = job.packing()?;
-    let cloud = terrane_cloud::open(&job.input, &job.reading())?;
+    job.packing()?;
+    let cloud = job.open()?;
     if job.squares.is_some() {
         squares::refuse_within(cloud.files(), &job.output)?;
     }
+    prepared(job, &cloud, None, at, |prepared| prepared.report(start))
+}
+
+/// Does something with all that a job on a cloud, or some squares of it, needs.
+fn prepared<T: Send>(
+    job: &TranslateJob,
+    cloud: &Cloud,
+    portion: Option<&Portion<'_>>,
+    at: At<'_>,
+    act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
+) -> Result<T> {
+    let packing = job.packing()?;
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let carrier = Carrier::new(&cloud, (job.format, packing), has_dimension)?;
+    let carrier = Carrier::new(cloud, (job.format, packing), has_dimension)?;
     job.above.check(carrier.format())?;
-    let needed = job.needed(packing, carrier.info());
+    let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window));
+    let needed = job.needed(packing, carrier.info(), source.count());
     let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
     let threads = shares.threads;
     let told = job.above.info(carrier.info());
@@ -191,7 +219,6 @@ pub fn run(
     let info = moved.as_ref().map_or(&told, |moved| &moved.info);
     let file = carrier.file(info.frame, info.crs.clone());
     let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
-    let source = CarriedRecords::new(&cloud, &carrier);
     let work = Work {
         job,
         cloud: cloud.info(),
@@ -201,43 +228,37 @@ pub fn run(
         carrier: &carrier,
         options,
         shares,
+        portion,
         at,
     };
     let resources = Resources { threads, ..job.resources.clone() };
-    let wide = job.wide(packing)?;
-    let (made, notes) = workers(&resources)?.install(|| work.run(&source, wide.as_ref()))?;
-    let run = Figures { threads, ..Figures::since(start, &job.resources) };
-    let census = source.census();
-    Ok(TranslateReport {
-        input: job.input.join(", "),
-        output: job.output.display().to_string(),
-        point_format: carrier.format().number(),
-        census,
-        files: made.files,
-        points: made.points,
-        crs: info.crs.label(),
-        output_bytes: made.bytes,
-        points_per_second: run.rate(census.read),
-        run,
-        transformed: moved.as_ref().map(|moved| Transformed::of(&moved.operation)),
-        notes: cloud
-            .notes()
-            .iter()
-            .chain(carrier.notes())
-            .chain(moved.iter().flat_map(|moved| &moved.notes))
-            .cloned()
-            .chain(notes)
-            .collect(),
-    })
+    let prepared = Prepared { work, source: &source, packing };
+    workers(&resources)?.install(|| act(&prepared))
 }
 
 impl TranslateJob {
-    /// Bytes of memory that it needs beside records on their way, for such a cloud; and more for each thread.
-    fn needed(&self, packing: Packing, info: &CloudInfo) -> [u64; 2] {
+    /// The cloud, opened as it is to be read.
+    fn open(&self) -> Result<Cloud> {
+        terrane_cloud::open(&self.input, &self.reading())
+    }
+
+    /// Whether some points are chosen of all.
+    fn chooses(&self) -> bool {
+        self.dedupe || self.thin.is_some()
+    }
+
+    /// How far from a point others may be that decide whether it is kept.
+    fn reach(&self) -> f64 {
+        self.thin.map_or(0.0, |thin| thin.cell)
+    }
+
+    /// Bytes of memory that it needs beside records on their way, so many of them read of such a cloud; and more for
+    /// each thread.
+    fn needed(&self, packing: Packing, info: &CloudInfo, points: u64) -> [u64; 2] {
         let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
         let is_spread = packing == Packing::Nodes || self.squares.is_some();
         let [above, each] = self.above.needed(info);
-        [choices * needed(info.count) + above + if is_spread { SPREAD } else { 0 }, each]
+        [choices * needed(points) + above + if is_spread { SPREAD } else { 0 }, each]
     }
 
     /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
@@ -246,11 +267,11 @@ impl TranslateJob {
         OpenOptions { filter, ..self.cloud.clone() }
     }
 
-    /// All points that the ground may be made of, where these are not only those asked for.
-    fn wide(&self, packing: Packing) -> Result<Option<Wide>> {
+    /// All points that the ground may be made of, where these are not only those asked for, or some of them.
+    fn wide(&self, packing: Packing, is_part: bool) -> Result<Option<Wide>> {
         let own = self.reading();
         let is_all = own.filter.classes.is_none() && own.filter.returns.is_none();
-        if is_all || !self.above.is_asked() {
+        if (is_all && !is_part) || !self.above.is_asked() {
             return Ok(None);
         }
         let filter = Filter { classes: None, returns: None, ..own.filter };
@@ -308,6 +329,8 @@ struct Work<'a> {
     carrier: &'a Carrier<'a>,
     options: WriteOptions,
     shares: Shares,
+    /// The squares that are made, if not all.
+    portion: Option<&'a Portion<'a>>,
     at: At<'a>,
 }
 
@@ -332,8 +355,28 @@ impl Work<'_> {
     }
 
     fn tell<'r>(&self, records: &'r dyn Records, wide: Option<&Wide>) -> Result<Told<'r>> {
+        let looking = self.looking();
+        let at = self.carrier.heights_at();
+        let Some(Wide { cloud, asked }) = wide else { return looking.tell(records, None, at) };
+        let carrier = Carrier::new(cloud, *asked, at.is_some())?;
+        let wide = CarriedRecords::within(cloud, &carrier, self.around_ground()?);
+        looking.tell(records, Some(&wide), at)
+    }
+
+    /// Where points lie that the ground of the squares is made of, if not everywhere.
+    fn around_ground(&self) -> Result<Option<Window>> {
+        let Some(portion) = self.portion else { return Ok(None) };
+        let Some(seen) = portion.seen.filter(|seen| !seen.by_class) else {
+            return Ok(Some(portion.ground()));
+        };
+        let metres = Metres::of(&self.cloud.crs, &self.cloud.frame)?;
+        let method = self.job.above.from.method();
+        Ok(Some(around(&method, &metres, seen.last, portion.ground())))
+    }
+
+    fn looking(&self) -> Looking<'_> {
         let square = self.job.above.square(self.cloud);
-        let looking = Looking {
+        Looking {
             above: &self.job.above,
             info: self.cloud,
             shift: self.carrier.shift(),
@@ -344,12 +387,9 @@ impl Work<'_> {
             square,
             folder: self.folder(),
             keeps_withheld: self.job.cloud.filter.keep_withheld,
+            portion: self.portion,
             at: self.at,
-        };
-        let at = self.carrier.heights_at();
-        let Some(Wide { cloud, asked }) = wide else { return looking.tell(records, None, at) };
-        let carrier = Carrier::new(cloud, *asked, at.is_some())?;
-        looking.tell(records, Some(&CarriedRecords::new(cloud, &carrier)), at)
+        }
     }
 
     fn choose<'r>(
@@ -430,13 +470,26 @@ impl Work<'_> {
     }
 
     fn divide(&self, squares: Squares, records: &dyn Records) -> Result<Made> {
+        if let Some(Portion { spans, folder, .. }) = self.portion {
+            return self.files((squares, *spans), records, folder);
+        }
         let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, squares::is_ours)?;
-        let waiting = (self.folder(), self.shares.marks / 2);
-        let division = squares::Division::new(squares, self.info, waiting, &self.options)?;
-        let flow = (self.shares.flow, self.shares.threads);
-        let made = division.write(records, flow, folder.inside(), self.at)?;
+        let spans = squares::spans(&squares, self.info)?;
+        let made = self.files((squares, spans), records, folder.inside())?;
         folder.commit()?;
         Ok(made)
+    }
+
+    /// Writes the files of some squares into a folder.
+    fn files(
+        &self,
+        squares: (Squares, portion::Spans),
+        records: &dyn Records,
+        folder: &Path,
+    ) -> Result<Made> {
+        let waiting = (self.folder(), self.shares.marks / 2);
+        let division = squares::Division::new(squares, self.info, waiting, &self.options);
+        division.write(records, (self.shares.flow, self.shares.threads), folder, self.at)
     }
 }
 

@@ -4,7 +4,10 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use super::Made;
+use super::portion::Spans;
 use crate::plan::At;
 use crate::records::choice::place;
 use crate::records::{Flow, Records};
@@ -23,7 +26,7 @@ const MOST_SQUARES: u64 = 1 << 20;
 const MOST_SQUARES_BESIDE: f64 = 8.0;
 
 /// How a cloud is divided into squares.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Squares {
     /// Their side, in units of x and y; corners are at its multiples.
     pub side: f64,
@@ -34,7 +37,7 @@ pub struct Squares {
 }
 
 /// How points of a buffer are marked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BufferMark {
     /// As withheld: they are left out by whoever does not ask for them.
     #[default]
@@ -93,12 +96,18 @@ impl Axis {
         Self { first, reaches: (first..=last).map(reach).collect(), beside }
     }
 
-    /// The squares whose files have a point, of which `own` is the one it lies in.
-    fn around(&self, own: usize, steps: i32) -> impl Iterator<Item = usize> + '_ {
-        let last = (own + self.beside).min(self.reaches.len() - 1);
-        (own.saturating_sub(self.beside)..=last).filter(move |square| {
+    /// The square that a point lies in, counted from the first, if it is one of these.
+    fn own(&self, square: i64) -> Option<usize> {
+        usize::try_from(square - self.first).ok().filter(|own| *own < self.reaches.len())
+    }
+
+    /// The squares whose files have a point that lies in one.
+    fn around(&self, square: i64, steps: i32) -> impl Iterator<Item = usize> + '_ {
+        let (own, beside, all) = (square - self.first, self.beside as i64, self.reaches.len());
+        let clip = |square: i64| square.clamp(0, all as i64) as usize;
+        (clip(own - beside)..clip(own + beside + 1)).filter(move |square| {
             let [low, high] = self.reaches[*square];
-            *square == own || (low..=high).contains(&i64::from(steps))
+            *square as i64 == own || (low..=high).contains(&i64::from(steps))
         })
     }
 }
@@ -113,39 +122,17 @@ pub(super) struct Division<'a> {
 }
 
 impl<'a> Division<'a> {
-    /// Of a cloud; records wait in `folder` beyond so many bytes.
-    ///
-    /// # Errors
-    /// Too many squares; a buffer that is too wide.
+    /// Of some squares of a cloud; records wait in `folder` beyond so many bytes.
     pub(super) fn new(
-        squares: Squares,
+        (squares, spans): (Squares, Spans),
         info: &CloudInfo,
         (folder, memory): (&Path, u64),
         options: &'a WriteOptions,
-    ) -> Result<Self> {
-        if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
-            return Err(Error::usage(format!(
-                "a buffer of {} is too wide for squares of {}",
-                squares.buffer, squares.side
-            ))
-            .remedy(format!("it may be {MOST_SQUARES_BESIDE} times their side")));
-        }
-        let frame = &info.frame;
-        let lattice = Lattice::new(frame, [0.0; 2], [squares.side; 2], Edges::default());
-        let origin = Point { x: 0, y: 0, z: 0 };
-        let spans = lattice.span(info.bounds.unwrap_or([origin; 2]));
-        let [columns, rows] = spans.map(|[first, last]| (last - first).unsigned_abs() + 1);
-        let count = columns.saturating_mul(rows);
-        if count > MOST_SQUARES {
-            return Err(Error::usage(format!(
-                "squares of {} would be {columns} x {rows}, more than {MOST_SQUARES}",
-                squares.side
-            ))
-            .remedy("choose larger ones"));
-        }
-        let axes = [0, 1].map(|axis| Axis::new(frame, axis, spans[axis], &squares));
-        let buckets = Buckets::new(folder, count as usize, memory);
-        Ok(Self { squares, lattice, axes, buckets, options })
+    ) -> Self {
+        let axes = [0, 1].map(|axis| Axis::new(&info.frame, axis, spans[axis], &squares));
+        let count = axes.iter().map(|axis| axis.reaches.len()).product();
+        let buckets = Buckets::new(folder, count, memory);
+        Self { squares, lattice: squares.lattice(&info.frame), axes, buckets, options }
     }
 
     /// Writes all records into a folder.
@@ -186,10 +173,12 @@ impl<'a> Division<'a> {
     fn take(&self, record: &[u8], copy: &mut Vec<u8>) -> Result<()> {
         let point = place(record);
         let [x, y] = &self.axes;
-        let column = (self.lattice.x.index(point.x) - x.first) as usize;
-        let row = (self.lattice.y.index(point.y) - y.first) as usize;
+        let (column, row) = (self.lattice.x.index(point.x), self.lattice.y.index(point.y));
         let width = x.reaches.len();
-        self.buckets.push(row * width + column, record)?;
+        let own = x.own(column).zip(y.own(row));
+        if let Some((column, row)) = own {
+            self.buckets.push(row * width + column, record)?;
+        }
         if self.squares.buffer == 0.0 {
             return Ok(());
         }
@@ -198,7 +187,7 @@ impl<'a> Division<'a> {
         self.options.format.mark(copy, self.squares.mark.flag());
         for beside in y.around(row, point.y) {
             for other in x.around(column, point.x) {
-                if (other, beside) != (column, row) {
+                if own != Some((other, beside)) {
                     self.buckets.push(beside * width + other, copy)?;
                 }
             }
@@ -232,6 +221,37 @@ impl<'a> Division<'a> {
             .map(|axis| (self.axes[axis].first + corner[axis] as i64) as f64 * self.squares.side);
         let ending = if self.options.packing == Packing::Plain { "las" } else { "laz" };
         PathBuf::from(format!("{x}_{y}.{ending}"))
+    }
+}
+
+/// The first and the last square of a cloud along both axes.
+///
+/// # Errors
+/// Too many squares; a buffer that is too wide.
+pub(super) fn spans(squares: &Squares, info: &CloudInfo) -> Result<Spans> {
+    if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
+        return Err(Error::usage(format!(
+            "a buffer of {} is too wide for squares of {}",
+            squares.buffer, squares.side
+        ))
+        .remedy(format!("it may be {MOST_SQUARES_BESIDE} times their side")));
+    }
+    let origin = Point { x: 0, y: 0, z: 0 };
+    let spans = squares.lattice(&info.frame).span(info.bounds.unwrap_or([origin; 2]));
+    let [columns, rows] = spans.map(|[first, last]| (last - first).unsigned_abs() + 1);
+    if columns.saturating_mul(rows) > MOST_SQUARES {
+        return Err(Error::usage(format!(
+            "squares of {} would be {columns} x {rows}, more than {MOST_SQUARES}",
+            squares.side
+        ))
+        .remedy("choose larger ones"));
+    }
+    Ok(spans)
+}
+
+impl Squares {
+    fn lattice(&self, frame: &Frame) -> Lattice {
+        Lattice::new(frame, [0.0; 2], [self.side; 2], Edges::default())
     }
 }
 

@@ -11,6 +11,7 @@
 |---|---|
 | `tin` | a mesh of a grid of heights, in memory; `write_tin` of any size, in a file |
 | `grid`, `dtm`, `dsm`, `chm` | grids of point clouds |
+| `points` | files of points: merged, thinned, classified, in squares |
 | `contour` | contour lines of a grid |
 | `tiles` | terrain for viewers of the globe, at every level of detail |
 | `simplify` | lines and polygons with fewer vertices |
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from terrane._lines import Lines, contour, simplify
     from terrane._mesh import Mesh
     from terrane._plans import Plan, open_plan, plan
+    from terrane._points import plan_points, points
     from terrane._terrane import __version__
     from terrane._tiles import tiles
     from terrane._tin import Report, tin, verify, write_tin
@@ -54,6 +56,7 @@ _WHERE = {
     "_lines": "Lines contour simplify",
     "_mesh": "Mesh",
     "_plans": "Plan open_plan plan",
+    "_points": "plan_points points",
     "_terrane": "__version__",
     "_tiles": "tiles",
     "_tin": "Report tin verify write_tin",
@@ -97,6 +100,8 @@ __all__ = [
     "grid",
     "open_plan",
     "plan",
+    "plan_points",
+    "points",
     "simplify",
     "tiles",
     "tin",

@@ -138,6 +138,17 @@ class Cloud:
     def plan_grid(
         self, folder: str, asked: dict[str, Any], cut: int | None, settings: Settings
     ) -> Plan: ...
+    def points(
+        self,
+        path: str,
+        asked: dict[str, Any],
+        system: System,
+        overwrite: bool,
+        settings: Settings,
+    ) -> dict[str, Any]: ...
+    def plan_points(
+        self, folder: str, asked: dict[str, Any], cut: int | None, settings: Settings
+    ) -> Plan: ...
     def write_tin(
         self, path: str, max_error: float, overwrite: bool, settings: Settings
     ) -> dict[str, Any]: ...

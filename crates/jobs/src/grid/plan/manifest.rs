@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::tile::Opened;
 use crate::grid::GridJob;
 use crate::grid::extent::Extent;
+use crate::grid::preset::Seen;
 use crate::plan::{self, Order};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -30,6 +31,9 @@ pub(super) struct Grid {
     /// What is asked for, by paths that hold wherever a task is run on this file system.
     pub(super) method: GridJob,
     pub(super) grid: Cells,
+    /// What a model of the terrain has to know of the whole cloud.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) seen: Option<Seen>,
 }
 
 /// What the cells are, as found when the plan was made.
@@ -58,7 +62,10 @@ impl fmt::Display for Tile {
 
 impl Grid {
     /// That of an opened job; tiles are of `side` cells, or of as many as make a fair piece of work.
-    pub(super) fn new(Opened { job, points, extent }: &Opened, side: Option<u32>) -> Result<Self> {
+    pub(super) fn new(
+        Opened { job, points, extent, seen }: &Opened,
+        side: Option<u32>,
+    ) -> Result<Self> {
         let grid = Cells::of(&**points, extent, side);
         limits::check("number of tiles", grid.count(), plan::MOST_TASKS)?;
         let label = job.input.iter().map(|name| shown(name)).collect::<Vec<_>>().join(", ");
@@ -68,7 +75,7 @@ impl Grid {
             let files = points.files().iter().cloned();
             method.input = files.map(absolute).collect::<Result<_>>()?;
         }
-        Ok(Self { label, method, grid })
+        Ok(Self { label, method, grid, seen: seen.clone() })
     }
 
     /// The files it is made from, of an opened cloud.
@@ -87,7 +94,7 @@ impl Grid {
         let extent = Extent::new(points.info(), &job)?;
         let here = Cells::of(&*points, &extent, Some(self.grid.side));
         plan::refuse_another("cloud", &self.label, &self.grid, &here)?;
-        Ok(Opened { job, points, extent })
+        Ok(Opened { job, points, extent, seen: self.seen.clone() })
     }
 
     /// Fails when there is nothing to make, or too much.

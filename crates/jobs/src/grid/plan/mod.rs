@@ -15,14 +15,16 @@ use serde::{Deserialize, Serialize};
 
 use super::GridJob;
 use super::extent::Extent;
+use super::preset::{Making, Preset, Seen};
 use super::report::GridReport;
 use crate::plan::{
     self, At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
 };
-use crate::{Cancel, Progress};
+use crate::sift::Losses;
+use crate::{Cancel, Progress, Resources};
 use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as cloud, Census};
+use terrane_cloud::{self as cloud, Census, PointSource};
 use terrane_files::{name_of, refuse_held};
 use terrane_raster::write;
 use tile::Opened;
@@ -58,22 +60,24 @@ pub struct CellRun {
     pub grid: Option<GridReport>,
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need. A few small tiles are
-/// made, to tell the size of the results, and thrown away.
+/// Writes down what is to be made, from what, by which tasks, and what they need. For a model of the terrain the
+/// points are looked at once. A few small tiles are made, to tell the size of the results, and thrown away.
 ///
 /// # Errors
-/// Those of opening the cloud and laying out the cells; `Usage` for a preset, whose points are found
-/// in the whole cloud at once, for tiles that are not of multiples of 256 cells, and for a folder that
-/// holds another plan or other files.
+/// Those of opening the cloud and laying out the cells, and of a model without ground; `Usage` for water, whose
+/// level is that of a whole bank, for tiles that are not of multiples of 256 cells, and for a folder that holds
+/// another plan or other files.
 pub fn plan_grid(
     job: &PlanGridJob,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<GridStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    if job.preset.is_some() {
-        return Err(Error::usage("a model of the terrain is made of the whole cloud at once")
-            .remedy("plan --stat tin --class 2, the ground by class, or run terrane grid"));
+    if job.water.is_some() {
+        return Err(Error::usage("--water makes the level of a lake of its whole bank at once")
+            .remedy(
+                "plan without it, and pass --water to terrane convert, tin or contour of the grid",
+            ));
     }
     if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
         return Err(Error::usage(format!("a tile of {side} cells is no multiple of {BLOCK}")));
@@ -86,12 +90,26 @@ pub fn plan_grid(
     job.check()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = Extent::new(points.info(), job)?;
-    let opened = Opened { job: job.clone(), points, extent };
+    let seen = job.preset.map(|preset| look(preset, job, &*points, At { progress, cancel }));
+    let opened = Opened { job: job.clone(), points, extent, seen: seen.transpose()? };
     let grid = Grid::new(&opened, *cut)?;
     let files = grid.files(&*opened.points);
     let needs = probe::expect(&opened, &grid.grid, At { progress, cancel })?;
     Plan::new(grid, files, needs, skipped)?.put(folder)?;
     grid_status(folder)
+}
+
+/// What a model of the terrain has to know of the whole cloud.
+fn look(
+    preset: Preset,
+    job: &GridJob,
+    points: &dyn PointSource,
+    At { progress, cancel }: At<'_>,
+) -> Result<Seen> {
+    let reading = job.reading();
+    let Resources { threads, memory, .. } = job.resources;
+    let making = Making { job, reading, threads, memory, points, part: None, progress, cancel };
+    Seen::look(preset, points.info(), &making)
 }
 
 /// How far the work in `folder` has come; results are looked at, not read through.
@@ -116,6 +134,9 @@ pub fn run_grid(job: &RunGridJob, progress: &dyn Progress, cancel: &Cancel) -> R
 struct Facts {
     read: u64,
     kept: u64,
+    /// Files whose damage was passed over.
+    #[serde(default, skip_serializing_if = "Losses::is_empty")]
+    losses: Losses,
 }
 
 impl Work for Grid {
@@ -187,7 +208,7 @@ impl Work for Grid {
         let made = opened.make(survey.folder.plan.work.grid.cells(tile), object, at)?;
         run.points += made.points.read;
         Ok(Made {
-            facts: Facts { read: made.points.read, kept: made.points.kept },
+            facts: Facts { read: made.points.read, kept: made.points.kept, losses: made.losses },
             digest: None,
             spilled: made.run.spilled_bytes.unwrap_or_default(),
         })
@@ -199,16 +220,18 @@ impl Work for Grid {
         run: &mut CellRun,
         at: At<'_>,
     ) -> Result<()> {
-        let mut points = Census::default();
+        let (mut points, mut losses) = (Census::default(), Losses::default());
         for done in survey.done.values() {
             points.read += done.facts.read;
             points.kept += done.facts.kept;
+            losses.add(&done.facts.losses);
         }
         let file = |tile: &Tile| name_of(survey.object(*tile)?.0);
         let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
         let made = opened.write(&files, &opened.job, &opened.extent, at)?;
         let input = survey.folder.plan.work.label.clone();
-        run.grid = Some(GridReport { points, input, ..made });
+        let notes = losses.notes().chain(made.notes).collect();
+        run.grid = Some(GridReport { points, input, notes, ..made });
         Self::written((), &opened.job.output, run);
         Ok(())
     }

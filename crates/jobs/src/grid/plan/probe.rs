@@ -9,6 +9,7 @@ use super::tile::Opened;
 use crate::grid::GridJob;
 use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
+use crate::grid::preset;
 use crate::plan::{At, Needs};
 use crate::points::parts_in;
 use terrane_base::error::{Error, Result};
@@ -24,6 +25,8 @@ const MOST_POINTS: u64 = 1 << 22;
 /// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is
 /// triangulated, as measured on one machine; see benches/RESULTS.md.
 const POINT: [f64; 2] = [130.0, 400.0];
+/// The same where a method finds the ground, with its halos.
+const FOUND: f64 = 15_000.0;
 /// Nanoseconds for a cell that is written.
 const CELL: f64 = 60.0;
 /// What a small tile says less of a grid: its ends, and tables of larger files.
@@ -48,11 +51,19 @@ pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs
     at.progress.end();
     let [objects, output] = seen.all(&opened.job, cells.all())?;
     let recipe = Recipe::new(&opened.job.stats, &opened.job.rules(opened.extent.cell()));
-    let points = cells.points as f64 * POINT[usize::from(recipe.triangulates())] * 1e-9;
+    let points = cells.points as f64 * point(opened, &recipe) * 1e-9;
     let writing = cells.all().len() as f64 * CELL * 1e-9;
     // What one thread cannot do without is more than a further one takes.
     let (memory, thread_memory) = (least.memory, least.memory);
     Ok(Needs { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
+}
+
+/// Nanoseconds for a point.
+fn point(opened: &Opened, recipe: &Recipe) -> f64 {
+    match &opened.seen {
+        Some(seen) if !seen.by_class => FOUND,
+        _ => POINT[usize::from(recipe.triangulates())],
+    }
 }
 
 /// Cells that were tried, and the bytes they took.
@@ -163,7 +174,8 @@ impl Least {
         let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
         let rows = opened.extent.part(rows, opened.points.info());
         let whole = Self::to_write(&written_in(&opened.job, folder)?, &rows)?;
-        Ok(Self { memory: whole.memory.max(tile.memory), ..whole })
+        let ground = preset::least(&opened.job, opened.points.info(), opened.seen.as_ref());
+        Ok(Self { memory: whole.memory.max(tile.memory).max(ground), ..whole })
     }
 
     fn to_write(job: &GridJob, extent: &Extent) -> Result<Self> {

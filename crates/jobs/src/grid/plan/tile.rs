@@ -7,13 +7,15 @@ use crate::figures::Figures;
 use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
 use crate::grid::make::{Bands, Maker, report};
+use crate::grid::near::{Near, near_steps};
 use crate::grid::neighbours;
+use crate::grid::preset::Seen;
 use crate::grid::report::GridReport;
 use crate::grid::{GridJob, GridStage};
 use crate::plan::At;
 use crate::points::reach;
 use terrane_base::error::Result;
-use terrane_base::geom::{REACH, Rect};
+use terrane_base::geom::Rect;
 use terrane_cloud::PointSource;
 use terrane_delaunay::Window;
 use terrane_gridding::{Axis, Recipe, Shape, Statistic};
@@ -22,14 +24,14 @@ use terrane_raster::{self as raster, GridSource, SampleType};
 
 /// Values are kept as they were computed, and compressed.
 const CREATION: [(&str, &str); 3] = [("COMPRESS", "ZSTD"), ("PREDICTOR", "3"), ("BIGTIFF", "YES")];
-/// How many times wider the window becomes when one was too small.
-const WIDER: i32 = 4;
 
 /// A plan's cloud and cells, opened.
 pub(super) struct Opened {
     pub(super) job: GridJob,
     pub(super) points: Box<dyn PointSource>,
     pub(super) extent: Extent,
+    /// What a model of the terrain has to know of the whole cloud.
+    pub(super) seen: Option<Seen>,
 }
 
 impl Opened {
@@ -55,8 +57,8 @@ impl Opened {
     ) -> Result<Option<GridReport>> {
         let (points, job) = (&*self.points, self.job_of(file));
         let extent = self.extent.part(cells, points.info());
-        let within = near.map(Near::window);
-        Maker { points, job: &job, extent, within, progress, cancel }.try_make()
+        let seen = self.seen.as_ref();
+        Maker { points, job: &job, extent, within: near, seen, progress, cancel }.try_make()
     }
 
     /// What is read for the tile of these `cells` at first; `None` for the whole cloud.
@@ -115,7 +117,9 @@ impl Opened {
         let bands = Bands { cells: &tiles, bands: recipe.bands(), info: &info };
         let valid = bands.write(sink.as_mut(), budget.threads, progress, cancel)?;
         cancel.check()?;
-        let notes = [self.points.notes().to_vec(), extent.notes.clone(), sink.notes()].concat();
+        let seen = self.seen.iter().flat_map(|seen| seen.notes.clone()).collect();
+        let notes =
+            [self.points.notes().to_vec(), extent.notes.clone(), seen, sink.notes()].concat();
         Ok(GridReport {
             files: self.points.files().len(),
             bands: bands.reports(&valid),
@@ -137,9 +141,7 @@ impl Opened {
         let ends = |axis: usize, cells: Axis, count: u32| {
             let [a, b] = [0, count - 1].map(|cell| cells.world_centre(i64::from(cell)));
             let margin = cells.world_cell().max(reach);
-            let low = frame.steps(axis, a.min(b) - margin).floor() - 1.0;
-            let high = frame.steps(axis, a.max(b) + margin).ceil() + 1.0;
-            [low, high].map(|steps| steps.clamp(f64::from(-REACH), f64::from(REACH)) as i32)
+            near_steps(frame, axis, [a.min(b) - margin, a.max(b) + margin])
         };
         let (width, height) = extent.lattice.size();
         let [west, east] = ends(0, extent.lattice.x, width);
@@ -161,27 +163,10 @@ impl Opened {
         };
         let margins = recipe.bands().iter().map(|band| own(&band.statistic));
         let most = margins.reduce(|a, b| Some(a?.max(b?))).flatten()?;
+        let most = most.max(self.seen.as_ref().map_or(0, |seen| seen.reach));
         let side = |axis: usize| cells.high[axis].abs_diff(cells.low[axis]) / 8;
         // A narrow tile among far points: some of its own size at least.
         Some(if most == 0 { 0 } else { most.max(side(0).min(side(1)) as i32) })
-    }
-}
-
-/// What is read of a cloud for some cells.
-#[derive(Clone, Copy)]
-pub(super) struct Near {
-    cells: Window,
-    /// Steps around them.
-    margin: i32,
-}
-
-impl Near {
-    pub(super) fn window(self) -> Window {
-        self.cells.grown(self.margin)
-    }
-
-    fn wider(self) -> Self {
-        Self { margin: self.margin.saturating_mul(WIDER).min(REACH), ..self }
     }
 }
 

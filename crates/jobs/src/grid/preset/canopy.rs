@@ -8,7 +8,7 @@ use super::super::neighbours::{Centres, Surfaces};
 use super::Making;
 use super::filter::spacing;
 use super::metres::Metres;
-use crate::points::{Around, MOST_POINTS, Part, PointStore, Positions};
+use crate::points::{Around, MOST_POINTS, Part, PointStore, Positions, reach};
 use crate::workers;
 use terrane_base::error::Result;
 use terrane_base::geom::{Frame, Point, Rect};
@@ -28,6 +28,8 @@ pub(super) struct Canopy {
     frame: Frame,
     /// Metres in a step along x and y.
     scale: [f64; 2],
+    /// True where not all of the cloud is in it.
+    is_part: bool,
 }
 
 impl Layer {
@@ -46,19 +48,27 @@ impl Canopy {
         (metres, frame): (&Metres, Frame),
         making: &Making<'_>,
     ) -> Result<Self> {
-        let pits = PitFree::metres(spacing(&first, metres));
+        let known = making.part.map(|(_, seen)| seen.first);
+        let pits = PitFree::metres(known.unwrap_or_else(|| spacing(&first, metres)));
         let count = ground.map_or(0, |_| pits.layers() - 1);
         let memory = making.store_memory() / pits.layers() as u64;
         let tiling = *first.tiling();
-        let store = |_| PointStore::empty(tiling, making.folder(), memory);
-        let high: Vec<PointStore> = (0..count).map(store).collect();
+        let window = making.surface_window();
+        let store =
+            |_| making.limited(PointStore::empty(tiling, making.folder(), memory), window, &[]);
+        let high: Vec<PointStore> = (0..count).map(store).collect::<Result<_>>()?;
         if let Some(ground) = ground {
             lift(&first, ground, metres.step[2], &pits, &high, making)?;
         }
         let stores = std::iter::once(first).chain(high);
         let layers = stores.map(Layer::new).collect::<Result<_>>()?;
         let [x, y, _] = metres.step;
-        Ok(Self { layers, pits, frame, scale: [x, y] })
+        Ok(Self { layers, pits, frame, scale: [x, y], is_part: window.is_some() })
+    }
+
+    /// True when points were needed that were not read.
+    pub(super) fn is_exceeded(&self) -> bool {
+        self.layers.iter().any(|layer| layer.store.is_exceeded())
     }
 
     /// Bytes that went to temporary files.
@@ -88,9 +98,9 @@ impl Canopy {
         max_edge: Option<f64>,
         out: &mut [f64],
     ) -> Result<()> {
-        let margin = self.reach();
-        let mut around = vec![Around::new(&self.layers[0].store, window)?];
-        let wide = window.grown(margin);
+        let margin = self.longest(max_edge).map_or(0, |most| reach(&self.frame, most));
+        let mut around = vec![Around::new(&self.layers[0].store, window.grown(margin))?];
+        let wide = window.grown(self.reach());
         // A layer has no points where the one before it has none.
         for layer in self.layers[1..].iter().take_while(|layer| layer.store.points_near(wide) > 0) {
             around.push(Around::new(&layer.store, wide)?);
@@ -105,6 +115,11 @@ impl Canopy {
             }
         }
         Ok(())
+    }
+
+    /// The longest edge of the first layer that counts, where what is longer is told without looking further.
+    fn longest(&self, max_edge: Option<f64>) -> Option<f64> {
+        max_edge.filter(|_| self.is_part)
     }
 
     /// Steps along the longest edge that counts in all but the first layer.
@@ -126,11 +141,23 @@ impl Canopy {
             let most = self.pits.max_edge();
             let is_small = |corners: &[Point; 3]| is_short(corners, self.scale, most);
             let hull = &layer.hull;
-            match i {
-                0 => around.find_all(hull, positions(), |position, found| {
-                    let facet = facet(position, found);
-                    line.push(facet.filter(|facet| self.is_surface(facet, max_edge)));
-                })?,
+            let first = |position, found| {
+                let facet = facet(position, found);
+                line.push(facet.filter(|facet| self.is_surface(facet, max_edge)));
+            };
+            match (i, self.longest(max_edge)) {
+                (0, None) => around.find_all(hull, positions(), first)?,
+                (0, Some(most)) => {
+                    let [x, y, _] = self.frame.scale;
+                    let is_small = |corners: &[Point; 3]| is_short(corners, [x, y], most);
+                    around.find_small(
+                        hull,
+                        positions(),
+                        reach(&self.frame, most),
+                        is_small,
+                        first,
+                    )?;
+                }
                 _ => around.find_small(hull, positions(), self.reach(), is_small, |p, found| {
                     line.push(facet(p, found));
                 })?,
@@ -174,6 +201,9 @@ fn lift(
     let squares = first.tiling().count() as u64;
     let lift = |points: &mut Vec<Point>, square: u64| {
         first.load(square as usize, points)?;
+        if let Some(window) = making.surface_window() {
+            points.retain(|p| window.contains([p.x, p.y]));
+        }
         let bins = Bins::new(points);
         let mut layers = vec![Vec::new(); high.len()];
         ground.under(bins.points(), |point, ground| {

@@ -35,6 +35,8 @@ pub(crate) struct Filter<'a> {
     side: i64,
     /// Bytes for each tile.
     memory: u64,
+    /// Where ground is looked for, if not everywhere.
+    within: Option<Window>,
 }
 
 /// Cells from the first to before the end, in x and y.
@@ -65,6 +67,14 @@ impl Cells {
         }
     }
 
+    /// What they lie in, where they have so many steps along a side, and a step more.
+    fn window(&self, cell: [f64; 2]) -> Window {
+        let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
+        let low = [0, 1].map(|i| within((self.low[i] as f64 * cell[i]).floor() - 1.0));
+        let high = [0, 1].map(|i| within((self.end[i] as f64 * cell[i]).ceil() + 1.0));
+        Window { low, high }
+    }
+
     /// The column and row of a cell, if it is one of these.
     fn place(&self, cell: [i64; 2]) -> Option<[usize; 2]> {
         let inside = (0..2).all(|i| (self.low[i]..self.end[i]).contains(&cell[i]));
@@ -73,20 +83,49 @@ impl Cells {
 }
 
 impl<'a> Filter<'a> {
-    /// For tiles that take about `memory` bytes each.
+    /// For tiles that take about `memory` bytes each; of all points there are.
     pub(crate) fn new(
         candidates: &'a PointStore,
         metres: &Metres,
         method: Asked,
         memory: u64,
     ) -> Self {
-        let step = metres.step;
         let lattice = method.lattice(spacing(candidates, metres));
-        let cell = [lattice.cell / step[0], lattice.cell / step[1]];
+        Self::on(lattice, candidates, metres, method, memory)
+    }
+
+    fn on(
+        lattice: Lattice,
+        candidates: &'a PointStore,
+        metres: &Metres,
+        method: Asked,
+        memory: u64,
+    ) -> Self {
+        let step = metres.step;
+        let cell = cell(&lattice, metres);
         let whole = (memory / BYTES_PER_CELL).isqrt() as i64;
         let any = (whole - 2 * lattice.halo as i64).clamp(SIDES[0], SIDES[1]);
         let side = lattice.core.map_or(any, |core| core as i64);
-        Self { candidates, method, lattice, step, cell, side, memory }
+        Self { candidates, method, lattice, step, cell, side, memory, within: None }
+    }
+
+    /// For the ground in a `window` of a cloud whose points are `spacing` metres apart, which has all candidates
+    /// [around](around) it.
+    pub(crate) fn within(
+        window: Window,
+        spacing: f64,
+        candidates: &'a PointStore,
+        metres: &Metres,
+        method: Asked,
+        memory: u64,
+    ) -> Self {
+        let of = Self::on(method.lattice(spacing), candidates, metres, method, memory);
+        Self { within: Some(window), ..of }
+    }
+
+    /// Whether ground is looked for where a point is.
+    fn is_wanted(&self, point: &Point) -> bool {
+        self.within.is_none_or(|window| window.contains([point.x, point.y]))
     }
 
     /// As many threads as the memory has tiles for; one, at least.
@@ -138,7 +177,7 @@ impl<'a> Filter<'a> {
         for square in 0..self.candidates.tiling().count() {
             let mut last = None;
             self.candidates.visit(square, |run| {
-                for point in run {
+                for point in run.iter().filter(|point| self.is_wanted(point)) {
                     let tile = self.locate(point).0.map(|cell| cell.div_euclid(self.side));
                     if last.replace(tile) != Some(tile) {
                         tiles.insert(tile);
@@ -157,11 +196,7 @@ impl<'a> Filter<'a> {
 
     /// The squares that cells touch.
     fn squares(&self, cells: &Cells) -> impl Iterator<Item = usize> + use<> {
-        let step = |cell: i64, i: usize| cell as f64 * self.cell[i];
-        let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
-        let low = [0, 1].map(|i| within(step(cells.low[i], i).floor() - 1.0));
-        let high = [0, 1].map(|i| within(step(cells.end[i], i).ceil() + 1.0));
-        self.candidates.tiling().touching(Window { low, high })
+        self.candidates.tiling().touching(cells.window(self.cell))
     }
 
     /// Adds the ground points of a tile.
@@ -179,7 +214,9 @@ impl<'a> Filter<'a> {
         for square in self.squares(&core) {
             kept.clear();
             self.candidates.visit(square, |run| {
-                kept.extend(run.iter().filter(|p| self.is_ground(p, &core, &wide, &found)));
+                let is_ground =
+                    |p: &&Point| self.is_wanted(p) && self.is_ground(p, &core, &wide, &found);
+                kept.extend(run.iter().filter(is_ground));
             })?;
             into.add(&kept)?;
         }
@@ -209,6 +246,23 @@ impl<'a> Filter<'a> {
         core.place(cell).is_some()
             && wide.place(cell).is_some_and(|[col, row]| found.is_ground(col, row, place, point.z))
     }
+}
+
+/// Steps along a cell, in x and y.
+fn cell(lattice: &Lattice, metres: &Metres) -> [f64; 2] {
+    [0, 1].map(|i| lattice.cell / metres.step[i])
+}
+
+/// All that tells which points of a window are ground, where points are `spacing` metres apart.
+pub(crate) fn around(method: &Asked, metres: &Metres, spacing: f64, window: Window) -> Window {
+    let lattice = method.lattice(spacing);
+    let (cell, side) = (cell(&lattice, metres), lattice.core.unwrap_or(1) as i64);
+    let square = |at: i32, i: usize| ((f64::from(at) / cell[i]).floor() as i64).div_euclid(side);
+    let cells = Cells {
+        low: [0, 1].map(|i| square(window.low[i], i) * side),
+        end: [0, 1].map(|i| (square(window.high[i], i) + 1) * side),
+    };
+    cells.grown(lattice.halo as i64).window(cell)
 }
 
 /// Bytes that a square takes of a method that is defined on squares, for a cloud as wide and high in metres whose

@@ -10,25 +10,36 @@
 mod canopy;
 pub(crate) mod filter;
 pub(crate) mod metres;
+mod seen;
 
+use std::fmt;
 use std::path::Path;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
 
 use super::GridJob;
 use super::extent::Extent;
+use super::near::Near;
 use super::neighbours::Surfaces;
-use crate::points::{Filling, PointStore, Tiling};
+use crate::points::{Filling, Limits, PointStore, Tiling};
+use crate::sift::Losses;
 use crate::{Cancel, Progress};
 use canopy::Canopy;
-pub(crate) use filter::{Filter, square_bytes};
+pub(crate) use filter::{Filter, around, square_bytes};
 pub(crate) use metres::Metres;
+pub(crate) use seen::Seen;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Rect;
-use terrane_cloud::{self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, Return};
+use terrane_base::geom::{Point, Rect};
+use terrane_cloud::{
+    self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, PointSource, Return,
+};
+use terrane_delaunay::Window;
 use terrane_gridding::{Asked, Statistic, Subject};
 use terrane_ground as ground;
 
 /// A model of the terrain that is made of the points it takes, instead of a statistic.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Preset {
     /// The ground: its points, linear in their Delaunay triangulation.
     Dtm,
@@ -52,7 +63,8 @@ impl Preset {
 }
 
 /// Which points are ground.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
 pub enum GroundFrom {
     /// Those of the classes, or found by the best method where there is none of them.
     #[default]
@@ -78,6 +90,43 @@ impl GroundFrom {
             Self::Method(asked) => asked,
             Self::Auto | Self::Class => ground::Asked::BEST,
         }
+    }
+}
+
+impl FromStr for GroundFrom {
+    type Err = Error;
+
+    /// "auto", "class", or a method with its parameters.
+    fn from_str(text: &str) -> Result<Self> {
+        match text.to_ascii_lowercase().as_str() {
+            "auto" => Ok(Self::Auto),
+            "class" => Ok(Self::Class),
+            _ => ground::Asked::parse(text).map(Self::Method),
+        }
+    }
+}
+
+impl fmt::Display for GroundFrom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Class => f.write_str("class"),
+            Self::Method(asked) => asked.fmt(f),
+        }
+    }
+}
+
+impl From<GroundFrom> for String {
+    fn from(from: GroundFrom) -> Self {
+        from.to_string()
+    }
+}
+
+impl TryFrom<String> for GroundFrom {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
     }
 }
 
@@ -126,6 +175,10 @@ pub(super) struct Making<'a> {
     pub(super) threads: usize,
     /// Bytes for points, in all stores together.
     pub(super) memory: u64,
+    /// The cloud: of its parts only the bounds are asked.
+    pub(super) points: &'a dyn PointSource,
+    /// Which part of the cloud is read, if not all of it, and what was seen of all.
+    pub(super) part: Option<(Near, &'a Seen)>,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
@@ -137,6 +190,8 @@ pub(super) struct Model {
     canopy: Option<Canopy>,
     /// What became of the points of its surface.
     pub(super) census: Census,
+    /// Files whose damage was passed over.
+    pub(super) losses: Losses,
     /// Which points it is made of, one line each.
     pub(super) notes: Vec<String>,
     spilled: u64,
@@ -150,13 +205,13 @@ impl Model {
             ground: None,
             canopy: None,
             census: Census::default(),
+            losses: Losses::default(),
             notes: Vec::new(),
             spilled: 0,
         };
         let mut model = empty.with_ground(cloud, making)?;
         if preset != Preset::Dsm && model.ground.is_none() {
-            return Err(Error::bad_input("no ground is found in the cloud")
-                .remedy("check what --bounds, --polygon and --z-range leave of it"));
+            return Err(no_ground());
         }
         if preset != Preset::Dtm {
             model.add_canopy(cloud, making)?;
@@ -166,30 +221,34 @@ impl Model {
 
     /// Finds the ground, if there is any.
     fn with_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
-        let classes = making.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND]);
-        let named = classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
-        if !making.job.ground.is_method() {
-            let store = making.read(classes, None)?;
-            let count = store.count();
-            self.census = *store.census();
-            if count > 0 {
-                self.notes.push(format!("ground: {count} points of class {named}"));
-                self.ground = Some(Surfaces::new(store, cloud.frame)?);
-                return Ok(self);
-            }
-            if making.job.ground == GroundFrom::Class {
-                return Err(no_ground_of_class(&named)
-                    .remedy("pass --ground auto, or name the classes of ground with --class"));
-            }
+        let is_seen = |(_, seen): &(Near, &Seen)| seen.by_class;
+        if making.job.ground.is_method() || !making.part.as_ref().is_none_or(is_seen) {
+            return self.filter_ground(cloud, making);
+        }
+        let (classes, window) = (making.classes(), making.ground_window());
+        let store = making.read(classes.clone(), None, window)?;
+        let count = store.count();
+        self.take_note(&store);
+        if count > 0 || window.is_some() {
+            self.notes.push(found_in_classes(count, &classes));
+            let around = making.part.map(|(_, seen)| seen.around_ground()).unwrap_or_default();
+            let store = making.limited(store, window, &around)?;
+            self.ground = Some(Surfaces::new(store, cloud.frame)?);
+            return Ok(self);
+        }
+        if making.job.ground == GroundFrom::Class {
+            return Err(not_of_class(&named(&classes)));
         }
         self.filter_ground(cloud, making)
     }
 
     fn filter_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
         let metres = self.metres(cloud)?;
-        let candidates = making.read(no_noise(), Some(Return::Last))?;
-        self.census = *candidates.census();
         let method = making.job.ground.method();
+        let part = making.ground_window().zip(making.part.map(|(_, seen)| seen.last));
+        let wide = part.map(|(window, spacing)| around(&method, &metres, spacing, window));
+        let candidates = making.read(no_noise(), Some(Return::Last), wide)?;
+        self.take_note(&candidates);
         let square = square_bytes(&method, metres.extent(cloud.bounds));
         // The store of the surface is filled later.
         let room = making.store_memory();
@@ -199,20 +258,31 @@ impl Model {
         let share = if square > 0 { room } else { making.memory / TILE_SHARE };
         let tile = share / making.threads as u64;
         let store = making.store(candidates.tiling());
-        let filter = Filter::new(&candidates, &metres, method, tile);
+        let filter = match part {
+            None => Filter::new(&candidates, &metres, method, tile),
+            Some((window, spacing)) => {
+                Filter::within(window, spacing, &candidates, &metres, method, tile)
+            }
+        };
         filter.run(&store, making.threads, making.progress, making.cancel)?;
         let (found, all) = (store.count(), candidates.count());
         self.notes.push(found_by(&method, found, all));
         self.spilled += candidates.spilled();
-        self.ground = (found > 0).then(|| Surfaces::new(store, cloud.frame)).transpose()?;
+        if found > 0 || part.is_some() {
+            let store = making.limited(store, making.ground_window(), &[])?;
+            self.ground = Some(Surfaces::new(store, cloud.frame)?);
+        }
         Ok(self)
     }
 
     fn add_canopy(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
         let metres = self.metres(cloud)?;
-        let first = making.read(no_noise(), Some(Return::First))?;
-        self.census = *first.census();
+        let window = making.surface_window();
+        let first = making.read(no_noise(), Some(Return::First), window)?;
+        self.take_note(&first);
         self.notes.push(format!("surface: {} first returns", first.count()));
+        let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
+        let first = making.limited(first, window, &around)?;
         if self.ground.is_none() {
             let note = "no ground is known: the surface is that of all first returns, pits and all";
             self.notes.push(note.to_owned());
@@ -220,6 +290,12 @@ impl Model {
         let ground = self.ground.as_ref();
         self.canopy = Some(Canopy::new(first, ground, (&metres, cloud.frame), making)?);
         Ok(())
+    }
+
+    /// Notes what became of the points that were read last.
+    fn take_note(&mut self, read: &PointStore) {
+        self.census = *read.census();
+        self.losses.add(read.losses());
     }
 
     /// Steps in metres; a unit that is guessed is noted, once.
@@ -240,6 +316,9 @@ impl Model {
         rect: Rect,
         out: &mut [f64],
     ) -> Result<()> {
+        if self.is_exceeded() {
+            return Err(more_is_needed());
+        }
         if let Some(canopy) = &self.canopy {
             canopy.values(max_edge, extent, rect, out)?;
         }
@@ -260,6 +339,12 @@ impl Model {
         Ok(())
     }
 
+    /// True when points were needed that were not read.
+    pub(super) fn is_exceeded(&self) -> bool {
+        let ground = self.ground.as_ref().is_some_and(|ground| ground.store().is_exceeded());
+        ground || self.canopy.as_ref().is_some_and(Canopy::is_exceeded)
+    }
+
     /// Bytes that went to temporary files.
     pub(super) fn spilled_bytes(&self) -> u64 {
         let ground = self.ground.as_ref().map_or(0, Surfaces::spilled_bytes);
@@ -272,10 +357,38 @@ pub(crate) fn no_ground_of_class(named: &str) -> Error {
     Error::bad_input(format!("the cloud has no points of class {named}"))
 }
 
+fn not_of_class(named: &str) -> Error {
+    no_ground_of_class(named)
+        .remedy("pass --ground auto, or name the classes of ground with --class")
+}
+
+/// The error of a cloud without ground.
+pub(crate) fn no_ground() -> Error {
+    Error::bad_input("no ground is found in the cloud")
+        .remedy("check what --bounds, --polygon and --z-range leave of it")
+}
+
+/// The error of a part of a cloud that was too little.
+pub(crate) fn more_is_needed() -> Error {
+    Error::new(ErrorKind::Resource, "more of the cloud has to be read")
+}
+
+fn found_in_classes(count: u64, classes: &[u8]) -> String {
+    format!("ground: {count} points of class {}", named(classes))
+}
+
+fn named(classes: &[u8]) -> String {
+    classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
+}
+
 /// Bytes of memory in all that a job needs to find the ground as it is asked to, before anything else; 0 where
 /// that is not known before the points are.
-pub(super) fn least(job: &GridJob, cloud: &CloudInfo) -> u64 {
-    let GroundFrom::Method(method) = job.ground else { return 0 };
+pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
+    let is_found = job.ground.is_method() || seen.is_some_and(|seen| !seen.by_class);
+    if !is_found {
+        return 0;
+    }
+    let method = job.ground.method();
     let extent = Metres::of(&cloud.crs, &cloud.frame).map(|metres| metres.extent(cloud.bounds));
     extent.map_or(0, |extent| least_for(square_bytes(&method, extent)))
 }
@@ -300,20 +413,71 @@ fn no_noise() -> Vec<u8> {
 }
 
 impl Making<'_> {
-    /// The points of these classes and returns.
-    fn read(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<PointStore> {
+    /// The classes of ground.
+    fn classes(&self) -> Vec<u8> {
+        self.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND])
+    }
+
+    /// What is read of first returns; `None` for all.
+    fn surface_window(&self) -> Option<Window> {
+        self.part.map(|(near, _)| near.window())
+    }
+
+    /// Where the ground is to be known: under all first returns that are read.
+    fn ground_window(&self) -> Option<Window> {
+        let is_all = self.job.preset == Some(Preset::Dtm);
+        self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
+    }
+
+    /// The points of these classes and returns in a window, or all.
+    fn read(
+        &self,
+        classes: Vec<u8>,
+        returns: Option<Return>,
+        within: Option<Window>,
+    ) -> Result<PointStore> {
+        let source = self.source(classes, returns)?;
+        let filling = Filling { within, ..self.filling() };
+        PointStore::fill(&*source, super::neighbours::tiling(source.info()), &filling)
+    }
+
+    /// What is known of squares of all these points, and what surrounds them.
+    fn outlined(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<PointStore> {
+        let source = self.source(classes, returns)?;
+        let store = self.store(&super::neighbours::tiling(source.info())).outline();
+        store.filled(&*source, &self.filling())
+    }
+
+    fn source(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<Box<dyn PointSource>> {
         let filter = Wanted { classes: Some(classes), returns, ..self.reading.filter.clone() };
-        let options = OpenOptions { filter, ..self.reading.clone() };
-        let source = cloud::source(&self.job.input, &options)?;
-        let filling = Filling {
+        cloud::source(&self.job.input, &OpenOptions { filter, ..self.reading.clone() })
+    }
+
+    fn filling(&self) -> Filling<'_> {
+        Filling {
             threads: self.threads,
             memory: self.store_memory(),
             folder: self.folder(),
+            within: None,
             progress: self.progress,
             cancel: self.cancel,
+        }
+    }
+
+    /// A store that has what lies in a window, with what surrounds all such points, where that is known.
+    fn limited(
+        &self,
+        store: PointStore,
+        window: Option<Window>,
+        around: &[Point],
+    ) -> Result<PointStore> {
+        let Some(window) = window else { return Ok(store) };
+        store.add(around)?;
+        let limits = match around {
+            [] => Limits::new(self.points, window),
+            _ => Limits::with_hull(self.points, window),
         };
-        let tiling = super::neighbours::tiling(source.info());
-        PointStore::fill(&*source, tiling, &filling)
+        Ok(store.limited(Some(limits)))
     }
 
     /// A store without points.

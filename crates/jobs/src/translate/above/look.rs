@@ -7,12 +7,15 @@ use bytemuck::{Pod, Zeroable};
 
 use super::told::{Told, Values, Z};
 use super::{Above, Classify, HeightsAs, NO_HEIGHT};
-use crate::grid::preset::{Filter, Metres, NOISE, found_by, no_ground_of_class};
+use crate::grid::preset::{
+    Filter, Metres, NOISE, Seen, found_by, more_is_needed, no_ground, no_ground_of_class,
+};
 use crate::grid::{GROUND, GroundFrom, Surfaces, tiling};
 use crate::plan::At;
 use crate::points::PointStore;
 use crate::records::choice::place;
 use crate::records::{Flow, Records, numbered};
+use crate::translate::portion::Portion;
 use crate::translate::total;
 use crate::workers;
 use terrane_base::attribute::Return;
@@ -49,6 +52,8 @@ pub(in crate::translate) struct Looking<'a> {
     pub(in crate::translate) folder: &'a Path,
     /// Whether points marked as withheld may be ground.
     pub(in crate::translate) keeps_withheld: bool,
+    /// The squares that are made, if not all.
+    pub(in crate::translate) portion: Option<&'a Portion<'a>>,
     pub(in crate::translate) at: At<'a>,
 }
 
@@ -116,7 +121,12 @@ impl Looking<'_> {
         let Found { surface, entries, firsts, count, mut notes } = self.find(records, wide)?;
         let values = Values::new(count, self.folder);
         let counts = match surface {
-            Some(surface) => self.value(&surface, &entries, &values)?,
+            Some(surface) => {
+                let counts = self.value(&surface, &entries, &values);
+                let portion = self.portion.filter(|_| surface.store().is_exceeded());
+                portion.into_iter().for_each(Portion::exceed);
+                counts?
+            }
             None => return Err(no_ground()),
         };
         notes.extend(self.told(&counts));
@@ -126,10 +136,41 @@ impl Looking<'_> {
         Ok(Told { records, format, record, at, values, firsts, notes })
     }
 
+    /// What has to be known of the ground of all points that these are, before that of some is told.
+    ///
+    /// # Errors
+    /// As [`tell`](Self::tell).
+    pub(in crate::translate) fn look(&self, records: &dyn Records) -> Result<Seen> {
+        let mut seen = Seen::default();
+        if self.above.takes_classes() {
+            let ground = self.store().outline();
+            self.pass(records, None, Some((Kind::Class, &ground)))?;
+            seen.look_at_classes(&ground, &[GROUND])?;
+            if !seen.by_class && self.above.from == GroundFrom::Class {
+                return Err(not_of_class());
+            }
+        }
+        if !seen.by_class {
+            let last = self.store().outline();
+            self.pass(records, None, Some((Kind::Candidates, &last)))?;
+            if last.count() == 0 {
+                return Err(no_ground());
+            }
+            seen.look_at_last(&last, self.info, self.above.from)?;
+        }
+        Ok(seen)
+    }
+
+    /// What was seen of the ground of the whole cloud, where it is made in portions.
+    fn seen(&self) -> Option<&Seen> {
+        self.portion.and_then(|portion| portion.seen)
+    }
+
     fn find(&self, records: &dyn Records, wide: Option<&dyn Records>) -> Result<Found> {
         let tiling = tiling(self.info);
         let entries = Buckets::new(self.folder, tiling.count(), self.memory / PARTS);
-        let kind = if self.above.takes_classes() { Kind::Class } else { Kind::Candidates };
+        let by_class = self.seen().map_or(self.above.takes_classes(), |seen| seen.by_class);
+        let kind = if by_class { Kind::Class } else { Kind::Candidates };
         let mut store = self.store();
         let (firsts, count) = match wide {
             None => self.pass(records, Some(&entries), Some((kind, &store)))?,
@@ -139,21 +180,30 @@ impl Looking<'_> {
             }
         };
         let mut notes = Vec::new();
-        if kind == Kind::Class && store.count() > 0 {
+        if kind == Kind::Class && (store.count() > 0 || self.portion.is_some()) {
             notes.push(format!("ground: {} points of class {GROUND}", store.count()));
         } else {
             if kind == Kind::Class {
                 if self.above.from == GroundFrom::Class {
-                    return Err(no_ground_of_class(&GROUND.to_string())
-                        .remedy("pass --ground filter, or classify the cloud before"));
+                    return Err(not_of_class());
                 }
                 store = self.store();
                 self.pass(wide.unwrap_or(records), None, Some((Kind::Candidates, &store)))?;
             }
             store = self.filtered(&store, &mut notes)?;
         }
-        let surface = (store.count() > 0).then(|| Surfaces::new(store, self.info.frame));
+        let store = self.limited(store)?;
+        let is_there = store.count() > 0 || self.portion.is_some();
+        let surface = is_there.then(|| Surfaces::new(store, self.info.frame));
         Ok(Found { surface: surface.transpose()?, entries, firsts, count, notes })
+    }
+
+    /// The ground of a portion, with what surrounds that of the whole cloud where it is known.
+    fn limited(&self, store: PointStore) -> Result<PointStore> {
+        let Some((portion, seen)) = self.portion.zip(self.seen()) else { return Ok(store) };
+        let around = seen.around_ground();
+        store.add(&around)?;
+        Ok(store.limited(Some(portion.limits(!around.is_empty()))))
     }
 
     fn store(&self) -> PointStore {
@@ -169,7 +219,12 @@ impl Looking<'_> {
         let tile = (self.square + self.memory / TILE_SHARE) / self.threads as u64;
         let ground = self.store();
         let method = self.above.from.method();
-        let filter = Filter::new(candidates, &metres, method, tile);
+        let filter = match self.portion.zip(self.seen()) {
+            None => Filter::new(candidates, &metres, method, tile),
+            Some((portion, seen)) => {
+                Filter::within(portion.ground(), seen.last, candidates, &metres, method, tile)
+            }
+        };
         filter.run(&ground, self.threads, self.at.progress, self.at.cancel)?;
         let (found, all) = (ground.count(), candidates.count());
         notes.push(found_by(&method, found, all));
@@ -264,6 +319,9 @@ impl Looking<'_> {
         (entries, values): (&Buckets<Entry>, &Values),
         counts: &mut Counts,
     ) -> Result<()> {
+        if ground.store().is_exceeded() {
+            return Err(more_is_needed());
+        }
         let (mut known, mut first) = (Vec::new(), 0);
         ground.store().load(square, &mut known)?;
         let mut some = vec![Entry::zeroed(); TOGETHER.min(entries.len(square) as usize)];
@@ -384,7 +442,7 @@ impl Entry {
     }
 }
 
-fn no_ground() -> Error {
-    Error::bad_input("no ground is found in the cloud")
-        .remedy("check what --bounds, --polygon and --z-range leave of it")
+fn not_of_class() -> Error {
+    no_ground_of_class(&GROUND.to_string())
+        .remedy("pass --ground filter, or classify the cloud before")
 }

@@ -11,6 +11,8 @@ mod told;
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::grid::preset::{Metres, square_bytes};
 use crate::grid::{GroundFrom, WORKER};
 use terrane_base::error::{Error, Result};
@@ -22,7 +24,7 @@ pub(super) use look::Looking;
 pub(super) use told::Told;
 
 /// Where the height of a point above the ground goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum HeightsAs {
     /// Into the dimension `HeightAboveGround` of its extra bytes, in steps of z.
     Dimension,
@@ -31,7 +33,8 @@ pub enum HeightsAs {
 }
 
 /// What gives points their classes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
 pub enum Classify {
     /// Those found to be ground are of class 2, and no others are.
     Ground,
@@ -94,6 +97,20 @@ impl fmt::Display for Classify {
     }
 }
 
+impl From<Classify> for String {
+    fn from(classify: Classify) -> Self {
+        classify.to_string()
+    }
+}
+
+impl TryFrom<String> for Classify {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        text.parse()
+    }
+}
+
 impl Layers {
     /// The class at a height; `None` below the first.
     fn at(&self, height: f64) -> Option<u8> {
@@ -102,7 +119,7 @@ impl Layers {
 }
 
 /// What is asked of the ground.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Above {
     /// Which points are ground.
     pub from: GroundFrom,

@@ -1,0 +1,142 @@
+//! Squares of points by plan: squares are put together to blocks, each a task of its own that reads what lies near
+//! it; the last task puts their files into one folder. The files are those of a single run, byte for byte.
+//!
+//! A task opens all headers, so that frame, format and squares are those of the whole. What is not a matter of what
+//! lies near is refused, or, for the ground, looked at once when the plan is made.
+
+mod manifest;
+mod probe;
+mod work;
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::TranslateJob;
+use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport};
+use crate::sift::Skipped;
+use crate::{Cancel, Progress};
+use manifest::Points;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::refuse_held;
+
+/// Squares of points to plan; a task has so many squares along its side (`cut`).
+pub type PlanPointsJob = plan::PlanJob<TranslateJob>;
+/// Work on the plan of points.
+pub type RunPointsJob = plan::RunJob<()>;
+/// The plan of points, or how far the work on it has come.
+pub type PointsStatus = StatusReport<SquareStatus>;
+/// What a run of the plan of points did.
+pub type PointsRun = plan::RunReport<SquareRun>;
+
+/// What is told of the plan of points alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct SquareStatus {
+    /// Columns and rows of squares.
+    pub squares: [u64; 2],
+    /// Side of a square, in units of x and y.
+    pub side: f64,
+    /// Points that the headers claim.
+    pub points: u64,
+}
+
+/// What is told of a run on points alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SquareRun {
+    /// Points written by the tasks it did.
+    pub points: u64,
+    /// What is written, once it is.
+    pub written: Option<PointsWritten>,
+}
+
+/// Files of squares that were written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, serde::Deserialize)]
+#[allow(missing_docs)]
+pub struct PointsWritten {
+    pub input: String,
+    pub output: String,
+    pub point_format: u8,
+    pub files: u64,
+    /// Points in them; those of buffers are in several.
+    pub points: u64,
+    pub crs: String,
+    pub output_bytes: u64,
+    pub notes: Vec<String>,
+}
+
+/// Writes down what is to be made, from what, by which tasks, and what they need. Where something is told of the
+/// ground, the points are looked at once. A few squares are made, to tell the size of the results, and thrown away.
+///
+/// # Errors
+/// Those of [`run`](super::run) that are found before the work; `Usage` for one file instead of squares, for what is
+/// no matter of what lies near, and for a folder that holds another plan or other files.
+pub fn plan_points(
+    job: &PlanPointsJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<PointsStatus> {
+    let plan::PlanJob { job, folder, cut, skipped } = job;
+    let at = At { progress, cancel };
+    refuse_held(&job.input)?;
+    let (mut work, opened) = Points::new(job, *cut)?;
+    work.seen = opened.look(at)?;
+    let files = work.files(&opened);
+    let needs = probe::expect(&opened, &work, at)?;
+    Plan::new(work, files, needs, skipped)?.put(folder)?;
+    points_status(folder)
+}
+
+/// How far the work in `folder` has come; results are looked at, not read through.
+///
+/// # Errors
+/// A folder without the plan of points.
+pub fn points_status(folder: &Path) -> Result<PointsStatus> {
+    plan::status::<Points>(folder)
+}
+
+/// Works on the plan of points, which are those of [`run`](super::run) on the same request, byte for byte, whoever did
+/// which task how often.
+///
+/// # Errors
+/// Those of [`run`](super::run), and of any [`RunPointsJob`].
+pub fn run_points(
+    job: &RunPointsJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<PointsRun> {
+    plan::run::<Points>(job, progress, cancel)
+}
+
+/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
+/// `skipped` are files that are left out of the input, to be noted in the plan.
+///
+/// # Errors
+/// Those of [`plan_points`] and [`run_points`].
+pub fn run_in(
+    folder: &Path,
+    job: &TranslateJob,
+    skipped: &[Skipped],
+    disk: DiskCheck,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<PointsWritten> {
+    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    if !folder.join(PLAN).exists() {
+        terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    }
+    let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+    let plan = PlanPointsJob { job: job.clone(), folder: folder.clone(), cut: None, skipped };
+    plan_points(&plan, progress, cancel)?;
+    let run = RunPointsJob {
+        folder,
+        task: None,
+        output: Some(job.output.clone()),
+        overwrite: job.overwrite,
+        form: (),
+        disk,
+        resources: job.resources.clone(),
+    };
+    let lost = || Error::new(ErrorKind::Internal, "a run ended without its points");
+    run_points(&run, progress, cancel)?.of.written.ok_or_else(lost)
+}

@@ -1,0 +1,257 @@
+//! What a task does: the files of its squares, one after the other in one object, and at the end all of them in one
+//! folder.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::manifest::{Block, Blocks, Method, Points, label};
+use super::{PointsWritten, SquareRun, SquareStatus};
+use crate::grid::Near;
+use crate::grid::preset::Seen;
+use crate::plan::{
+    At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
+    refuse_another,
+};
+use crate::sift::Losses;
+use crate::translate::portion::{Portion, Spans, window};
+use crate::translate::{self, TranslateJob, squares};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{Cloud, PointSource};
+use terrane_files::atomic::{AtomicFile, AtomicFolder};
+
+/// A plan's cloud and job, opened.
+pub(super) struct Opened {
+    pub(super) job: TranslateJob,
+    pub(super) cloud: Cloud,
+}
+
+/// What an object has: its files in order, each with its bytes.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Facts {
+    points: u64,
+    files: Vec<(String, u64)>,
+    /// Files whose damage was passed over.
+    #[serde(default, skip_serializing_if = "Losses::is_empty")]
+    losses: Losses,
+}
+
+impl Points {
+    /// What is asked for, and what there is; nothing is known of the ground yet.
+    pub(super) fn new(job: &TranslateJob, cut: Option<u32>) -> Result<(Self, Opened)> {
+        let mut method = Method::of(job)?;
+        let opened = Opened::new(job.clone())?;
+        method.found(opened.cloud.files())?;
+        let info = translate::stored(&opened.job, &opened.cloud)?;
+        let blocks = Blocks::of(&info, &method.squares, cut)?;
+        blocks.check()?;
+        Ok((Self { label: label(job), method, blocks, seen: None }, opened))
+    }
+
+    /// The files it is made from.
+    pub(super) fn files(&self, opened: &Opened) -> Vec<PathBuf> {
+        let on_disk = if opened.cloud.files().is_empty() { &[][..] } else { self.method.input() };
+        on_disk.iter().map(|name| terrane_files::path_of(name).into_owned()).collect()
+    }
+}
+
+impl Opened {
+    fn new(job: TranslateJob) -> Result<Self> {
+        let cloud = job.open()?;
+        Ok(Self { job, cloud })
+    }
+
+    /// What has to be known of the ground of the whole cloud, where something is told of it.
+    pub(super) fn look(&self, at: At<'_>) -> Result<Option<Seen>> {
+        let asked = self.job.above.is_asked();
+        let look = || translate::prepared(&self.job, &self.cloud, None, at, |of| of.look());
+        asked.then(look).transpose()
+    }
+
+    /// Makes the files of some squares in a folder, of what lies near them or as much more as it takes.
+    pub(super) fn make(
+        &self,
+        work: &Points,
+        (spans, folder): (Spans, &Path),
+        at: At<'_>,
+    ) -> Result<translate::Made> {
+        let (job, info) = (&self.job, self.cloud.info());
+        let cells = window(&work.method.squares, spans, job.reach(), &info.frame);
+        let side = crate::grid::tiling(info).side();
+        let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
+        let mut near = Near { cells, margin: side.saturating_add(4).max(wide as i32) };
+        loop {
+            let portion = Portion::new((spans, near), work.seen.as_ref(), &self.cloud, folder);
+            let made = translate::prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
+            if !portion.is_exceeded() {
+                return made.map(|(made, _)| made);
+            }
+            near = near.wider();
+        }
+    }
+}
+
+impl Work for Points {
+    const KIND: Kind = Kind::Points;
+    const ENDING: &'static str = "object";
+    const NAMES: &'static [Numbered<Block>] = &[("squares", Block)];
+    /// What is read to the end is not compared with digests on the way.
+    const LAST_LOOK: Look = Look::Whole;
+    const STAGE: Option<&'static str> = None;
+
+    type Task = Block;
+    type Facts = Facts;
+    type Form = ();
+    type Run = SquareRun;
+    type Note = PointsWritten;
+    type Status = SquareStatus;
+    type Opened = Opened;
+
+    fn check(&self) -> Result<()> {
+        self.blocks.check()
+    }
+
+    fn tasks(&self) -> Vec<Block> {
+        self.blocks.all().collect()
+    }
+
+    fn before(&self, _: Block) -> Vec<Block> {
+        Vec::new()
+    }
+
+    fn size(&self, task: Named<Block>) -> u64 {
+        match task {
+            Named::Task(block) => Blocks::size(self.blocks.of_task(block)),
+            Named::Finish => Blocks::size(self.blocks.spans),
+        }
+    }
+
+    fn tell(&self) -> StatusReport<SquareStatus> {
+        let Blocks { points, cut, .. } = self.blocks;
+        let (squares, side) = (self.blocks.counts(), self.method.squares.side);
+        StatusReport {
+            input: self.label.clone(),
+            format: self.method.ending().to_owned(),
+            tile_cells: cut,
+            of: SquareStatus { squares, side, points },
+            ..StatusReport::default()
+        }
+    }
+
+    fn output(&self, (): &()) -> Result<PathBuf> {
+        Ok(PathBuf::from("points"))
+    }
+
+    fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
+        let Order { output, overwrite, resources, .. } = order;
+        let Self { label, method, blocks, .. } = &plan.work;
+        let mut job = TranslateJob { output, overwrite, resources, ..method.job()? };
+        job.cloud.threads = job.resources.threads;
+        let opened = Opened::new(job)?;
+        let info = translate::stored(&opened.job, &opened.cloud)?;
+        let here = Blocks::of(&info, &method.squares, Some(blocks.cut))?;
+        refuse_another("cloud", label, blocks, &here)?;
+        Ok(opened)
+    }
+
+    fn check_output(Opened { job, cloud }: &Opened, _: At<'_>) -> Result<()> {
+        squares::refuse_within(cloud.files(), &job.output)?;
+        AtomicFolder::create(&job.output, job.overwrite, squares::is_ours).map(drop)
+    }
+
+    fn make(
+        opened: &Opened,
+        (block, object): (Block, &Path),
+        survey: &Survey<'_, Self>,
+        run: &mut SquareRun,
+        at: At<'_>,
+    ) -> Result<Made<Facts>> {
+        let work = &survey.folder.plan.work;
+        // It goes with its files, and what a killed run left of one is removed.
+        let folder = AtomicFolder::create(&object.with_extension("files"), true, |_| true)?;
+        let made = opened.make(work, (work.blocks.of_task(block), folder.inside()), at)?;
+        let (files, losses) = (pack(folder.inside(), object)?, Losses::of(&opened.cloud));
+        let facts = Facts { points: made.points, files, losses };
+        run.points += made.points;
+        Ok(Made { facts, digest: None, spilled: 0 })
+    }
+
+    fn write(
+        Opened { job, cloud }: &Opened,
+        survey: &Survey<'_, Self>,
+        run: &mut SquareRun,
+        at: At<'_>,
+    ) -> Result<PointsWritten> {
+        let work = &survey.folder.plan.work;
+        let folder = AtomicFolder::create(&job.output, job.overwrite, squares::is_ours)?;
+        let mut written = translate::prepared(job, cloud, None, at, |of| {
+            Ok(PointsWritten {
+                input: work.label.clone(),
+                output: job.output.display().to_string(),
+                point_format: of.work.carrier.format().number(),
+                crs: of.work.info.crs.label(),
+                notes: of.notes(),
+                ..PointsWritten::default()
+            })
+        })?;
+        let mut losses = Losses::default();
+        at.progress.begin("write", survey.done.values().map(|done| done.bytes).sum());
+        for block in survey.done.keys() {
+            at.cancel.check()?;
+            let (object, done) = survey.object(*block)?;
+            unpack(&object, &done.facts.files, folder.inside())?;
+            losses.add(&done.facts.losses);
+            written.files += done.facts.files.len() as u64;
+            written.points += done.facts.points;
+            written.output_bytes += done.bytes;
+            at.progress.advance(done.bytes);
+        }
+        at.progress.end();
+        folder.commit()?;
+        written.notes.extend(losses.notes());
+        written.notes.extend(work.seen.iter().flat_map(|seen| seen.notes.clone()));
+        run.written = Some(written.clone());
+        Ok(written)
+    }
+
+    fn written(note: PointsWritten, output: &Path, run: &mut SquareRun) {
+        run.written = Some(PointsWritten { output: output.display().to_string(), ..note });
+    }
+}
+
+/// Puts the files of a folder into one, by name; returns these, each with its bytes.
+fn pack(folder: &Path, object: &Path) -> Result<Vec<(String, u64)>> {
+    let fail = |e| Error::read(folder, e);
+    let entries = std::fs::read_dir(folder).map_err(fail)?;
+    let paths =
+        entries.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<_>>>();
+    let mut paths = paths.map_err(fail)?;
+    paths.sort();
+    let mut packed = AtomicFile::create(object, true)?;
+    let mut files = Vec::new();
+    for path in paths {
+        let mut file = File::open(&path).map_err(|e| Error::read(&path, e))?;
+        let bytes = io::copy(&mut file, &mut packed).map_err(|e| Error::write(object, e))?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        files.push((name, bytes));
+    }
+    packed.commit()?;
+    Ok(files)
+}
+
+/// Puts the files of an object into a folder.
+fn unpack(object: &Path, files: &[(String, u64)], folder: &Path) -> Result<()> {
+    let mut packed = BufReader::new(File::open(object).map_err(|e| Error::read(object, e))?);
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        let mut file = AtomicFile::create(&path, false)?;
+        let copied = io::copy(&mut (&mut packed).take(*bytes), &mut file);
+        if copied.map_err(|e| Error::write(&path, e))? != *bytes {
+            return Err(damaged_object(object));
+        }
+        file.commit()?;
+    }
+    Ok(())
+}

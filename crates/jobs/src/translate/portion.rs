@@ -1,0 +1,80 @@
+//! Some of the squares of a cloud, made of what lies near them.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::squares::Squares;
+use crate::grid::preset::Seen;
+use crate::grid::{Near, near_steps};
+use crate::points::Limits;
+use terrane_base::geom::Frame;
+use terrane_cloud::PointSource;
+use terrane_delaunay::Window;
+
+/// Squares along both axes, from the first to the last.
+pub(super) type Spans = [[i64; 2]; 2];
+
+/// Squares that are made by themselves.
+pub(super) struct Portion<'a> {
+    pub(super) spans: Spans,
+    /// The points that are looked at, and how far around them the ground is.
+    pub(super) near: Near,
+    /// What has to be known of the ground of the whole cloud, where there is something to be told of it.
+    pub(super) seen: Option<&'a Seen>,
+    /// The cloud: of its parts only the bounds are asked.
+    pub(super) points: &'a dyn PointSource,
+    /// Where their files go.
+    pub(super) folder: &'a Path,
+    exceeded: AtomicBool,
+}
+
+impl<'a> Portion<'a> {
+    pub(super) fn new(
+        (spans, near): (Spans, Near),
+        seen: Option<&'a Seen>,
+        points: &'a dyn PointSource,
+        folder: &'a Path,
+    ) -> Self {
+        Self { spans, near, seen, points, folder, exceeded: AtomicBool::new(false) }
+    }
+
+    /// All points that may be in the files, or decide which are.
+    pub(super) fn window(&self) -> Window {
+        self.near.cells
+    }
+
+    /// Where the ground is to be known.
+    pub(super) fn ground(&self) -> Window {
+        self.near.window()
+    }
+
+    /// How far the ground that is read is all there is; where all that surrounds it is known, it is in the store.
+    pub(super) fn limits(&self, is_surrounded: bool) -> Limits {
+        match is_surrounded {
+            true => Limits::with_hull(self.points, self.ground()),
+            false => Limits::new(self.points, self.ground()),
+        }
+    }
+
+    /// Notes that more has to be read.
+    pub(super) fn exceed(&self) {
+        self.exceeded.store(true, Ordering::Relaxed);
+    }
+
+    /// True once more has to be read.
+    pub(super) fn is_exceeded(&self) -> bool {
+        self.exceeded.load(Ordering::Relaxed)
+    }
+}
+
+/// What lies in squares, or no further from them than `margin`.
+pub(super) fn window(squares: &Squares, spans: Spans, margin: f64, frame: &Frame) -> Window {
+    let margin = margin + squares.buffer;
+    let ends = [0, 1].map(|axis| {
+        let [first, last] = spans[axis];
+        let low = first as f64 * squares.side - margin;
+        let high = (last + 1) as f64 * squares.side + margin;
+        near_steps(frame, axis, [low, high])
+    });
+    Window { low: ends.map(|[low, _]| low), high: ends.map(|[_, high]| high) }
+}

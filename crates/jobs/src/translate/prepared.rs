@@ -1,0 +1,100 @@
+//! A job on points with all it needs: done whole, in portions, or looked at before.
+
+use std::time::Instant;
+
+use super::carried::CarriedRecords;
+use super::{HeightsAs, Made, Shares, TranslateJob, TranslateReport, Wide, Work};
+use crate::figures::Figures;
+use crate::grid::preset::Seen;
+use crate::sift::Losses;
+use crate::transform::Transformed;
+use terrane_base::error::Result;
+use terrane_cloud::write::Packing;
+use terrane_cloud::{Carrier, Cloud, CloudInfo, PointSource};
+
+/// A job that is ready to be done.
+pub(super) struct Prepared<'a> {
+    pub(super) work: Work<'a>,
+    pub(super) source: &'a CarriedRecords<'a>,
+    pub(super) packing: Packing,
+}
+
+impl Prepared<'_> {
+    /// Writes what is asked for; tells what was made, and what became of points, one line each.
+    pub(super) fn make(&self) -> Result<(Made, Vec<String>)> {
+        let is_part = self.work.portion.is_some();
+        let wide = self.work.job.wide(self.packing, is_part)?;
+        self.work.run(self.source, wide.as_ref())
+    }
+
+    /// Writes it and tells of it, the work being begun at `start`.
+    pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
+        let (made, found) = self.make()?;
+        let Work { job, info, moved, carrier, shares, .. } = &self.work;
+        let run = Figures { threads: shares.threads, ..Figures::since(start, &job.resources) };
+        let census = self.source.census();
+        Ok(TranslateReport {
+            input: job.input.join(", "),
+            output: job.output.display().to_string(),
+            point_format: carrier.format().number(),
+            census,
+            files: made.files,
+            points: made.points,
+            crs: info.crs.label(),
+            output_bytes: made.bytes,
+            points_per_second: run.rate(census.read),
+            run,
+            transformed: moved.map(|moved| Transformed::of(&moved.operation)),
+            notes: [self.notes(), self.losses().notes().collect(), found].concat(),
+        })
+    }
+
+    /// Files whose damage was passed over.
+    fn losses(&self) -> Losses {
+        Losses::of(self.source.cloud())
+    }
+
+    /// What is told of the cloud and of what is carried, one line each.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let Work { carrier, moved, .. } = &self.work;
+        let moved = moved.iter().flat_map(|moved| &moved.notes);
+        self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
+    }
+
+    /// What has to be known of the ground of the whole cloud before that of some squares is told.
+    pub(super) fn look(&self) -> Result<Seen> {
+        match self.work.job.wide(self.packing, true)? {
+            None => Ok(Seen::default()),
+            Some(Wide { cloud, asked }) => {
+                let has_dimension = self.work.carrier.heights_at().is_some();
+                let carrier = Carrier::new(&cloud, asked, has_dimension)?;
+                self.work.looking().look(&CarriedRecords::new(&cloud, &carrier))
+            }
+        }
+    }
+}
+
+/// Where the points of a job's cloud lie, as they are written.
+pub(super) fn stored(job: &TranslateJob, cloud: &Cloud) -> Result<CloudInfo> {
+    Ok(carrier(job, cloud)?.info().clone())
+}
+
+/// Bytes of a record that is written.
+pub(super) fn record_bytes(job: &TranslateJob, cloud: &Cloud) -> Result<usize> {
+    Ok(carrier(job, cloud)?.size())
+}
+
+/// What carries the points of a job that can be done.
+fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrier<'a>> {
+    let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
+    let carrier = Carrier::new(cloud, (job.format, job.packing()?), has_dimension)?;
+    job.above.check(carrier.format())?;
+    Ok(carrier)
+}
+
+/// Bytes of memory that a job needs which looks at so many points, and those of them for a thread.
+pub(super) fn least(job: &TranslateJob, cloud: &Cloud, points: u64) -> Result<[u64; 2]> {
+    let carrier = carrier(job, cloud)?;
+    let needed = job.needed(job.packing()?, carrier.info(), points);
+    Ok(Shares::least((carrier.size(), carrier.extra_bytes()), needed))
+}

@@ -1,0 +1,179 @@
+"""Point clouds to files of points."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from terrane._clouds import cloud_of
+from terrane._errors import refuse_existing, usage
+from terrane._plans import Plan
+from terrane._settings import Path, settings, system
+from terrane._source import names_of
+
+
+def points_of(
+    *,
+    point_format: int | None = None,
+    dedupe: bool = False,
+    thin: str | float | None = None,
+    heights: str | None = None,
+    classify: str | Sequence[str] = (),
+    ground: str | None = None,
+    tile: float | None = None,
+    buffer: float | None = None,
+    buffer_mark: str = "withheld",
+) -> dict[str, Any]:
+    """What is asked of points, as the library takes it."""
+    if tile is None and buffer is not None:
+        raise usage("buffer is around squares", "pass tile=SIDE, or leave it out")
+    return {
+        "point_format": point_format,
+        "dedupe": dedupe,
+        "thin": None if thin is None else str(thin),
+        "heights": heights,
+        "classify": [classify] if isinstance(classify, str) else list(classify),
+        "ground": ground,
+        "tile": tile,
+        "buffer": 0.0 if buffer is None else float(buffer),
+        "buffer_mark": buffer_mark,
+    }
+
+
+def points(
+    src: Any,
+    path: Path,
+    *,
+    classes: Iterable[int] | None = None,
+    returns: str | int | None = None,
+    bounds: Sequence[float] | None = None,
+    z_range: Sequence[float] | None = None,
+    every: int | None = None,
+    salvage: bool = False,
+    point_format: int | None = None,
+    dedupe: bool = False,
+    thin: str | float | None = None,
+    heights: str | None = None,
+    classify: str | Sequence[str] = (),
+    ground: str | None = None,
+    tile: float | None = None,
+    buffer: float | None = None,
+    buffer_mark: str = "withheld",
+    to_crs: str | None = None,
+    shift_grid: Path | None = None,
+    geoid: Path | None = None,
+    overwrite: bool = False,
+    threads: int | None = None,
+    memory: int | str | None = None,
+    progress: Any = None,
+) -> dict[str, Any]:
+    r"""Writes the points of clouds with all that is known of them, into LAS, LAZ, COPC or text by the ending of `path`
+    (`.las`, `.laz`, `.copc.laz`, `.csv`), or with `tile` into a folder of a LAZ file for each square. What is written
+    appears whole or not at all. Returns what `terrane points --json` tells.
+
+    Parameters
+    ----------
+    src, classes, returns, bounds, z_range, every, salvage, threads, memory, progress
+        As for `grid`, of files.
+    point_format
+        The format of the points, 0 to 10; the first that holds all fields of all files unless said.
+    dedupe
+        Of points of one place and time only the first.
+    thin
+        One point of each square of a size: 2, "2:lowest", "0.5:highest", "1:random=7".
+    heights
+        How high points are above the ground: "dimension" (HeightAboveGround of their extra bytes), or as their "z".
+    classify, ground
+        What gives classes ("ground", "height:3=0.5,4=2,5=5"), and which points are ground ("class", "csf", "auto" ...).
+    tile, buffer, buffer_mark
+        The side of squares; points around each up to so far away, too, marked as "withheld" or "synthetic".
+    to_crs, shift_grid, geoid
+        The reference system that they are to be in, and files for it.
+    overwrite
+        Replace what exists.
+
+    >>> import os, tempfile, terrane
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     cloud, path = (os.path.join(folder, name) for name in ("cloud.xyz", "thin.laz"))
+    ...     with open(cloud, "w") as file:
+    ...         _ = file.write("x y z class\n0.5 0.5 3 2\n0.9 0.1 2 2\n1.5 0.5 4 6\n")
+    ...     made = terrane.points("cloud:" + cloud, path, thin="1:lowest")
+    ...     made["points"], terrane.grid(path, cell=1.0, stat="count").data.max()
+    (2, np.float64(1.0))
+    """
+    name = os.fspath(path)
+    refuse_existing(name, overwrite)
+    cloud = opened(src, classes, returns, bounds, z_range, every, salvage)
+    asked = points_of(
+        point_format=point_format,
+        dedupe=dedupe,
+        thin=thin,
+        heights=heights,
+        classify=classify,
+        ground=ground,
+        tile=tile,
+        buffer=buffer,
+        buffer_mark=buffer_mark,
+    )
+    where = system(to_crs, shift_grid, geoid)
+    return cloud.points(name, asked, where, overwrite, settings(threads, memory, progress))
+
+
+def plan_points(
+    src: Any,
+    folder: Path,
+    tile: float,
+    *,
+    cut: int | None = None,
+    classes: Iterable[int] | None = None,
+    returns: str | int | None = None,
+    bounds: Sequence[float] | None = None,
+    z_range: Sequence[float] | None = None,
+    every: int | None = None,
+    salvage: bool = False,
+    threads: int | None = None,
+    memory: int | str | None = None,
+    progress: Any = None,
+    **options: Any,
+) -> Plan:
+    r"""Writes down in a folder what squares of points are to be made: those of `points` with the same options, byte for byte.
+    `cut` is how many squares a task has along its side.
+
+    >>> import os, tempfile, terrane
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     cloud, work, tiles = (os.path.join(folder, name) for name in ("cloud.xyz", "work", "tiles"))
+    ...     with open(cloud, "w") as file:
+    ...         file.writelines(f"{i % 30} {i // 30} 1\n" for i in range(900))
+    ...     plan = terrane.plan_points("cloud:" + cloud, work, 10.0, cut=2, buffer=2.0)
+    ...     done = plan.run(output=tiles)
+    ...     len(os.listdir(tiles)), plan.status()["to_do"]
+    (9, [])
+    """
+    cloud = opened(src, classes, returns, bounds, z_range, every, salvage)
+    asked = points_of(tile=float(tile), **options)
+    run = settings(threads, memory, progress)
+    return Plan(cloud.plan_points(os.fspath(folder), asked, cut, run))
+
+
+def opened(
+    src: Any,
+    classes: Iterable[int] | None,
+    returns: str | int | None,
+    bounds: Sequence[float] | None,
+    z_range: Sequence[float] | None,
+    every: int | None,
+    salvage: bool,
+) -> Any:
+    """The cloud in files, and what is wanted of it."""
+    if names_of(src) is None:
+        raise usage("points are copied from files", "pass paths")
+    return cloud_of(
+        src,
+        classes=classes,
+        returns=returns,
+        bounds=bounds,
+        z_range=z_range,
+        every=every,
+        salvage=salvage,
+    )
