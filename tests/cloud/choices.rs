@@ -41,8 +41,8 @@ fn in_each_cell_one_flight_line_is_kept() {
         };
         let source =
             |record: &[u8]| u16::from_le_bytes(number(record, if format == 1 { 18 } else { 20 }));
-        // Cells of 40 steps, whose corners are at multiples of that.
-        let cell = |record: &[u8]| [raw(record)[0].div_euclid(40), raw(record)[1].div_euclid(40)];
+        // Cells of 200 steps, whose corners are at multiples of that.
+        let cell = |record: &[u8]| [raw(record)[0].div_euclid(200), raw(record)[1].div_euclid(200)];
         let mut best: HashMap<[i32; 2], (i32, u16)> = HashMap::new();
         for record in &made.records {
             let one = (angle(record), source(record));
@@ -50,7 +50,7 @@ fn in_each_cell_one_flight_line_is_kept() {
         }
         let is_kept = |record: &&Vec<u8>| best[&cell(record)].1 == source(record);
         let expected: Vec<_> = made.records.iter().filter(is_kept).cloned().collect();
-        let overlap = Some(Overlap { cell: Some(0.4) });
+        let overlap = Some(Overlap { cell: Some(2.0) });
         let mut bytes = Vec::new();
         for (threads, memory) in [(1, 64), (3, 1024)] {
             let resources = Resources { threads, memory: memory << 20, temp_dir: None };
@@ -65,7 +65,7 @@ fn in_each_cell_one_flight_line_is_kept() {
             bytes.push(std::fs::read(&output).unwrap());
         }
         assert!(bytes[0] == bytes[1]);
-        // 60 by 100 metres, or as many steps: twice the spacing of 20,000 points is some 1.3.
+        // 100 by 40: twice the spacing of 20,000 points is some 0.9.
         let usual = TranslateJob { overlap: Some(Overlap::default()), ..job(&[&input], &output) };
         assert!(run(&usual).unwrap().notes.iter().any(|note| note.ends_with("in cells of 1")));
     }

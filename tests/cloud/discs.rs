@@ -99,7 +99,8 @@ fn the_same_in_any_memory_threads_and_order_and_of_any_part() {
     let place = Place::new();
     // A lattice whose steps are just the distance, and a crowd in one corner of it.
     let lattice = (0..90_000).map(|i| [i % 300 * 25, i / 300 * 25, 0]);
-    let crowd = (0..90_000).map(|i| [i * 7919 % 997, i * 104_729 % 991, i * 31 % 4001]);
+    let crowd = (0..90_000_i64).map(|i| [i * 7919 % 997, i * 104_729 % 991, i * 31 % 4001]);
+    let crowd = crowd.map(|place| place.map(|steps| steps as i32));
     let places: Vec<_> = lattice.chain(crowd).collect();
     let made = cloud(&places);
     let least = least_memory(&place, &made);

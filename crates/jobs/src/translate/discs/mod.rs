@@ -211,7 +211,7 @@ impl Search<'_> {
         let square = |waiting: &mut Vec<Turn>, square: u64| {
             let place = [square as i64 % columns, square as i64 / columns];
             let first = [0, 1].map(|axis| low[axis] + place[axis] * side);
-            let last = [0, 1].map(|axis| (first[axis] + side - 1).min(high[axis]));
+            let last = [0, 1].map(|axis| first[axis].saturating_add(side - 1).min(high[axis]));
             self.square([first, last], waiting)?;
             at.progress.advance(1);
             Ok(())
