@@ -232,7 +232,7 @@ fn jobs() -> Vec<String> {
     for options in [
         "--thin-distance 0.7",
         "--drop-overlap=2 --sort time",
-        "--sort morton --attribute intensity=z*2-900 --attribute class=class/2",
+        "--sort morton --attribute intensity=intensity/2+return --attribute class=class/2",
     ] {
         add(format!("points ../in/dense.laz ../in/steep.laz o.laz {options}"));
     }

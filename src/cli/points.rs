@@ -22,8 +22,7 @@ use crate::jobs::translate::{
 /// Points marked as withheld are carried unless --drop-flag withheld says otherwise. Every attribute is carried: times, colours, waveforms, extra bytes, and the records of the header that are the
 /// same in all files; what the output cannot hold is an error, or told in a note where the format asked for has no
 /// field for it. Points stay in the order of the files' names and of the points in them unless --sort is given, so the
-/// same files give the same bytes, whatever the order they are named in, threads and memory. What is asked for is done
-/// in the order in which it stands in this help.
+/// same files give the same bytes, whatever the order they are named in, threads and memory.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a pattern in quotes are
@@ -57,16 +56,16 @@ pub(super) struct Args {
     /// times
     #[arg(long, value_name = "NAME=FORMULA", help_heading = "Attributes")]
     attribute: Vec<Assign>,
-    /// Where flight lines overlap the points of one: in each square of this size the line (point source) with the least
-    /// angle of the scanner from upright there, the one of the lower number if there are two [default: twice the
-    /// spacing of points, rounded up to 1, 2 or 5 times a power of ten]
+    /// Where flight lines overlap only the points of one: in each square of this size those of the line (point source)
+    /// with the least scan angle there, of two the one of the lower number; squares of twice the spacing of points,
+    /// rounded up to 1, 2 or 5 times a power of ten, where no size is given
     #[arg(long, value_name = "CELL", num_args = 0..=1, require_equals = true, default_missing_value = AUTO, value_parser = parse_overlap, help_heading = "Fewer points")]
     drop_overlap: Option<Overlap>,
     /// Only one point of each square of this size, in units of x and y
     #[arg(long, value_name = "CELL[:WHICH]", long_help = thin_help(), help_heading = "Fewer points")]
     thin: Option<Thin>,
-    /// Only points that are no nearer to each other than this, in space and the units of coordinates, and as many that
-    /// each point left out is nearer than that to one of them; chosen by a hash of places
+    /// Only points that are no nearer to each other than this, in space and the units of coordinates, and so many that
+    /// each point left out is nearer than that to one of them (Poisson discs); chosen by a hash of places
     #[arg(long, value_name = "DISTANCE", value_parser = parse::positive, help_heading = "Fewer points")]
     thin_distance: Option<f64>,
     /// The order of points, instead of that of files and of points in them

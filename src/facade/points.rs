@@ -11,7 +11,7 @@ use terrane_jobs::translate::{
 };
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
-/// stay in the order of the files' names and of the points in them; those marked as withheld are kept unless the cloud's
+/// stay in the order of the files' names and of the points in them unless another is asked for; those marked as withheld are kept unless the cloud's
 /// filter drops that mark.
 ///
 /// ```
@@ -100,7 +100,7 @@ impl<'a> PointsBuilder<'a> {
         self
     }
 
-    /// Only points that are no nearer to each other than this, in space and the units of coordinates, and as many that
+    /// Only points that are no nearer to each other than this, in space and the units of coordinates, and so many that
     /// each point left out is nearer than that to one of them.
     ///
     /// ```
