@@ -90,7 +90,8 @@ pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tiles::{Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::translate::{
-    Above, BufferMark, Classify, HeightsAs, Keep, Layers, Squares, Thin, TranslateReport,
+    Above, Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, Sort, Squares, Thin,
+    TranslateReport,
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, Progress};

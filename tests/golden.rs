@@ -234,6 +234,13 @@ fn jobs() -> Vec<String> {
     ] {
         add(format!("points ../in/steep.laz o.laz {options}"));
     }
+    for options in [
+        "--thin-distance 0.7",
+        "--drop-overlap=2 --sort time",
+        "--sort morton --attribute intensity=intensity/2+return --attribute class=class/2",
+    ] {
+        add(format!("points ../in/dense.laz ../in/steep.laz o.laz {options}"));
+    }
     for format in raster::write::FORMATS {
         let (name, ending) = (format.name, format.extensions[0]);
         let round = if format.holds_types { "" } else { " --round" };

@@ -297,6 +297,9 @@ const JOBS: &[&str] = &[
     "points dense.laz o4.laz --classify ground --ground smrf",
     "points dense.laz o5 --tile 100 --buffer 5",
     "points dense.laz o2.laz --to-crs EPSG:4326",
+    "points dense.laz o6.laz --thin-distance 0.3",
+    "points dense.laz o7.laz --thin-distance 20 --sort morton",
+    "points dense.laz o8.las --drop-overlap --attribute user_data=return --sort time",
 ];
 
 /// Budgets of the table, in MiB.

@@ -6,7 +6,7 @@
 Each file (and some made by terrane) is written as LAS and LAZ, whose points must be those of the
 input in every dimension, one by one; and as COPC, of which laspy's own reader of octrees must find
 all points, those of a box, and each in one level; heights above the ground must be those above scipy's
-triangulation of it. Prints a line for each and exits with 1 when
+triangulation of it; points that keep a distance must do so for scipy's tree, and leave no room. Prints a line for each and exits with 1 when
 anything differs. Needs numpy, scipy and laspy with lazrs.
 """
 
@@ -20,6 +20,7 @@ import laspy
 import numpy as np
 from laspy.copc import Bounds, CopcReader
 from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import cKDTree
 
 MADE = ["cloud,size=300,density=6,seed=3", "cloud,width=900,height=60,density=9,seed=4"]
 
@@ -94,6 +95,17 @@ def compare_heights(before, after):
         yield f"{void.sum()} heights in one only, {off.sum()} others of {len(off)}"
 
 
+def compare_distances(before, after, least):
+    """What is wrong with points of a file that keep a distance in space."""
+    places = lambda las: np.column_stack([las.X, las.Y, las.Z]) * las.header.scales
+    kept = cKDTree(places(after))
+    near = kept.query(places(after), k=2)[0][:, 1].min() if len(after) > 1 else least
+    far = kept.query(places(before))[0].max()
+    hair = 1e-9 * least
+    if near < least - hair or far >= least + hair:
+        yield f"{len(after)} points {near} from each other, and one {far} from all"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--terrane", default="target/debug/terrane")
@@ -118,6 +130,10 @@ def main():
                 if ending == "laz" and (np.asarray(before.classification) == 2).sum() > 100:
                     run("points", file, path, "--height-above-ground")
                     wrong += compare_heights(before, laspy.read(path))
+                if ending == "las":
+                    for least in [0.7, 5]:
+                        run("points", file, path, "--thin-distance", str(least))
+                        wrong += compare_distances(before, laspy.read(path), least)
                 compared += 1
                 differing += bool(wrong)
                 print(f"{os.path.basename(file)} as {ending}: {'; '.join(wrong) or f'{len(before)} points, the same'}")

@@ -13,8 +13,8 @@ use crate::error::Result;
 use crate::jobs::sift::Sifted;
 use crate::jobs::translate::plan::{PointsWritten, run_in};
 use crate::jobs::translate::{
-    self, Above, BufferMark, Classify, HeightsAs, KEPT, Layers, Squares, Thin, TranslateJob,
-    TranslateReport,
+    self, Above, Assign, BufferMark, Classify, HeightsAs, KEPT, Layers, Overlap, SORTS, Sort,
+    Squares, Thin, TranslateJob, TranslateReport,
 };
 use crate::jobs::{Cancel, Resources};
 
@@ -22,8 +22,8 @@ use crate::jobs::{Cancel, Resources};
 ///
 /// Points marked as withheld are carried unless --drop-flag withheld says otherwise. Every attribute is carried: times, colours, waveforms, extra bytes, and the records of the header that are the
 /// same in all files; what the output cannot hold is an error, or told in a note where the format asked for has no
-/// field for it. Points stay in the order of the files' names and of the points in them, so the same files give the
-/// same bytes, whatever the order they are named in, threads and memory.
+/// field for it. Points stay in the order of the files' names and of the points in them unless --sort is given, so the
+/// same files give the same bytes, whatever the order they are named in, threads and memory.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a pattern in quotes are
@@ -62,9 +62,6 @@ pub(super) struct Wanted {
     /// Only one of the points that have the same place and time: the first
     #[arg(long)]
     dedupe: bool,
-    /// Only one point of each square of this size, in units of x and y
-    #[arg(long, value_name = "CELL[:WHICH]", long_help = thin_help())]
-    thin: Option<Thin>,
     /// How high points are above the ground, exactly in the triangulation of its points: in the dimension
     /// HeightAboveGround of their extra bytes, or with =z as their z
     #[arg(long, value_name = "AS", num_args = 0..=1, require_equals = true, default_missing_value = "dimension", value_parser = ["dimension", "z"], help_heading = "Ground")]
@@ -77,6 +74,27 @@ pub(super) struct Wanted {
     /// last returns, or auto: by class if there are any, else by the method adaptive [default: auto]
     #[arg(long, value_name = "HOW", value_parser = GroundName::parse, help_heading = "Ground")]
     ground: Option<GroundName>,
+    /// Set an attribute to a number or a formula of attributes, x, y and z with + - * / and parentheses, such as
+    /// intensity=intensity/256; names as of terrane grid --stat, those of extra bytes in double quotes where they have
+    /// spaces. Fields of whole numbers take the nearest one, and what they cannot hold is an error. May be given several
+    /// times
+    #[arg(long, value_name = "NAME=FORMULA", help_heading = "Attributes")]
+    attribute: Vec<Assign>,
+    /// Where flight lines overlap only the points of one: in each square of this size those of the line (point source)
+    /// with the least scan angle there, of two the one of the lower number; squares of twice the spacing of points,
+    /// rounded up to 1, 2 or 5 times a power of ten, where no size is given
+    #[arg(long, value_name = "CELL", num_args = 0..=1, require_equals = true, default_missing_value = AUTO, value_parser = parse_overlap, help_heading = "Fewer points")]
+    drop_overlap: Option<Overlap>,
+    /// Only one point of each square of this size, in units of x and y
+    #[arg(long, value_name = "CELL[:WHICH]", long_help = thin_help(), help_heading = "Fewer points")]
+    thin: Option<Thin>,
+    /// Only points that are no nearer to each other than this, in space and the units of coordinates, and so many that
+    /// each point left out is nearer than that to one of them (Poisson discs); chosen by a hash of places
+    #[arg(long, value_name = "DISTANCE", value_parser = parse::positive, help_heading = "Fewer points")]
+    thin_distance: Option<f64>,
+    /// The order of points, instead of that of files and of points in them
+    #[arg(long, value_name = "ORDER", long_help = sort_help())]
+    sort: Option<Sort>,
     /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
     #[arg(long, value_name = "SIDE", value_parser = parse::positive, help_heading = "Squares")]
     tile: Option<f64>,
@@ -120,6 +138,16 @@ fn parse_mark(text: &str) -> std::result::Result<BufferMark, String> {
     text.parse()
 }
 
+/// Stands for cells whose size follows from the spacing of points.
+const AUTO: &str = "auto";
+
+fn parse_overlap(text: &str) -> std::result::Result<Overlap, String> {
+    match text {
+        AUTO => Ok(Overlap::default()),
+        _ => parse::positive(text).map(|cell| Overlap { cell: Some(cell) }),
+    }
+}
+
 impl Wanted {
     /// How the clouds are opened.
     pub(super) fn open_options(&self, resources: &Resources) -> Result<OpenOptions> {
@@ -139,8 +167,12 @@ impl Wanted {
             format: self.point_format,
             dedupe: self.dedupe,
             above: self.above(),
+            assign: self.attribute.clone(),
+            overlap: self.drop_overlap,
             thin: self.thin,
+            distance: self.thin_distance,
             transform: self.system.transform()?,
+            sort: self.sort,
             squares: self.squares(),
             resources,
             ..TranslateJob::new(input, output)
@@ -177,6 +209,15 @@ fn thin_help() -> String {
     format!(
         "Only one point of each square of this size, in units of x and y, whose corners are at its multiples; \
          which one is said after a colon:\n{}",
+        names.join("\n")
+    )
+}
+
+fn sort_help() -> String {
+    let names: Vec<_> = SORTS.iter().map(|(name, about)| format!("{name:<8} {about}")).collect();
+    format!(
+        "The order of points, instead of that of files and of points in them, which those that are equal in it \
+         keep:\n{}",
         names.join("\n")
     )
 }

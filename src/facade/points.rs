@@ -8,10 +8,12 @@ use super::run::{Run, System, overwrite_setting, run_settings, system_settings};
 use terrane_base::{Error, Result};
 use terrane_cloud::PointFormat;
 use terrane_jobs::translate::plan::{PlanPointsJob, plan_points};
-use terrane_jobs::translate::{self, Above, Squares, Thin, TranslateJob, TranslateReport};
+use terrane_jobs::translate::{
+    self, Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, TranslateReport,
+};
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
-/// stay in the order of the files' names and of the points in them; those marked as withheld are kept unless the cloud's
+/// stay in the order of the files' names and of the points in them unless another is asked for; those marked as withheld are kept unless the cloud's
 /// filter drops that mark.
 ///
 /// ```
@@ -31,7 +33,11 @@ pub struct PointsBuilder<'a> {
     format: Option<PointFormat>,
     dedupe: bool,
     above: Above,
+    assign: Vec<Assign>,
+    overlap: Option<Overlap>,
     thin: Option<Thin>,
+    distance: Option<f64>,
+    sort: Option<Sort>,
     system: System,
     run: Run,
 }
@@ -47,7 +53,11 @@ impl<'a> PointsBuilder<'a> {
             format: None,
             dedupe: false,
             above: Above::default(),
+            assign: Vec::new(),
+            overlap: None,
             thin: None,
+            distance: None,
+            sort: None,
             system: System::default(),
             run: Run::default(),
         }
@@ -89,6 +99,55 @@ impl<'a> PointsBuilder<'a> {
     /// Only one point of each cell.
     pub fn thin(mut self, thin: Thin) -> Self {
         self.thin = Some(thin);
+        self
+    }
+
+    /// Only points that are no nearer to each other than this, in space and the units of coordinates, and so many that
+    /// each point left out is nearer than that to one of them.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, few] = ["points.xyz", "few.laz"].map(|name| folder.path().join(name));
+    /// std::fs::write(&path, "x y z\n0 0 0\n1 0 0\n0 0 5\n").unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+    /// let made = cloud.points().thin_distance(2.0).write(&few)?;
+    /// assert_eq!(made.points, 2); // one of the lower two, and the one above
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn thin_distance(mut self, least: f64) -> Self {
+        self.distance = Some(least);
+        self
+    }
+
+    /// Where flight lines overlap the points of one.
+    pub fn drop_overlap(mut self, overlap: Overlap) -> Self {
+        self.overlap = Some(overlap);
+        self
+    }
+
+    /// Sets an attribute, after those that were asked for before.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, set] = ["points.xyz", "set.csv"].map(|name| folder.path().join(name));
+    /// std::fs::write(&path, "x y z class\n0 0 7 2\n").unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+    /// cloud.points().attribute("intensity = 10 * (z + 1)".parse().unwrap()).write(&set)?;
+    /// assert!(std::fs::read_to_string(&set).unwrap().lines().nth(1).unwrap().starts_with("0,0,7,80,"));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn attribute(mut self, assign: Assign) -> Self {
+        self.assign.push(assign);
+        self
+    }
+
+    /// The order of points; unless told otherwise that of files and of points in them.
+    pub fn sort(mut self, sort: Sort) -> Self {
+        self.sort = Some(sort);
         self
     }
 
@@ -163,7 +222,11 @@ impl<'a> PointsBuilder<'a> {
             format: self.format,
             dedupe: self.dedupe,
             above: self.above.clone(),
+            assign: self.assign.clone(),
+            overlap: self.overlap,
             thin: self.thin,
+            distance: self.distance,
+            sort: self.sort,
             transform: self.system.transform()?,
             overwrite: self.run.overwrite,
             resources: self.run.resources()?,

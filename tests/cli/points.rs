@@ -51,6 +51,7 @@ fn clouds_are_merged_filtered_and_told_of() {
 fn what_cannot_be_is_refused_by_name() {
     let place = clouds();
     place.ok(&["points", "a.laz", "out.laz"]);
+    place.ok(&["points", "a.laz", "degrees.laz", "--to-crs", "EPSG:4326"]);
     for (args, code, told) in [
         ("points a.laz out.laz", 2, "exists"),
         ("points a.laz a.laz --overwrite", 2, "a.laz"),
@@ -68,12 +69,49 @@ fn what_cannot_be_is_refused_by_name() {
         ("points a.laz x.laz --classify trees", 2, "none of ground"),
         ("points a.laz x.laz --height-above-ground=x", 2, "dimension"),
         ("points b.las x.laz --classify height:40=1", 2, "no class 40"),
+        ("points a.laz x.laz --thin-distance 0", 2, "--thin-distance"),
+        ("points a.laz x.laz --thin-distance 0.001", 2, "smaller than a step"),
+        ("points degrees.laz x.laz --thin-distance 2", 2, "these are degrees"),
+        ("points a.laz x.laz --drop-overlap=-1", 2, "--drop-overlap"),
+        ("points a.laz x.laz --drop-overlap=0.001", 2, "smaller than a step"),
+        ("points a.laz x.copc.laz --sort morton", 2, "an octree has an order of its own"),
+        ("points a.laz x.laz --sort hilbert", 2, "none of morton, time"),
+        ("points a.laz x.laz --point-format 0 --sort time", 2, "point format 0 has no times"),
+        ("points a.laz x.laz --attribute z=1", 2, "no attribute"),
+        ("points a.laz x.laz --attribute red=1", 2, "have no attribute \"red\""),
+        ("points a.laz x.laz --attribute class=amplitude", 2, "have no attribute \"amplitude\""),
+        ("points a.laz x.laz --attribute class=(1", 2, "not closed"),
+        ("points a.laz x.laz --attribute class=-1", 65, "does not fit into classification"),
+        ("points b.las x.laz --attribute class=user_data/0", 65, "division by zero"),
         ("points nothing.laz x.laz", 65, "nothing.laz"),
         ("points synth:cloud,size=9 x.laz", 2, "synth"),
     ] {
         let args: Vec<&str> = args.split(' ').collect();
         place.fails(&args, code, &[told]);
         assert!(!place.path("x.laz").exists() && !place.path("x").exists(), "{args:?}");
+    }
+}
+
+#[test]
+fn few_points_are_sorted_set_and_told_of() {
+    let place = clouds();
+    let many = ["--drop-overlap", "--thin-distance", "1.5", "--sort", "time"];
+    let many =
+        [&many[..], &["--attribute", "user = return * 10", "--attribute", "source=user_data+1"]]
+            .concat();
+    let told = place.ok(&[&["points", "a.laz", "b.las", "few.csv"][..], &many].concat()).out;
+    assert!(told.contains("points of other flight lines left out, in cells of 1"), "{told}");
+    let text = std::fs::read_to_string(place.path("few.csv")).unwrap();
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name: &str| names.iter().position(|known| *known == name).unwrap();
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|value| value.parse().unwrap()).collect()).collect();
+    assert!((1500..4000).contains(&rows.len()), "{}", rows.len());
+    assert!(rows.is_sorted_by_key(|row| row[column("gps_time")]));
+    for row in &rows {
+        assert_eq!(row[column("user_data")], 10.0 * row[column("return_number")]);
+        assert_eq!(row[column("point_source_id")], row[column("user_data")] + 1.0);
     }
 }
 
@@ -129,6 +167,7 @@ fn what_fails_or_is_killed_leaves_nothing_behind() {
         "a.laz o --tile 20",
         "a.laz o.csv",
         "a.laz o.laz --dedupe --thin 1",
+        "a.laz o.laz --thin-distance 1 --sort morton",
     ] {
         for point in ["create", "sync", "rename"] {
             let args: Vec<&str> = ["points"].into_iter().chain(job.split(' ')).collect();

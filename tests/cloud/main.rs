@@ -6,7 +6,9 @@ mod cloud_support;
 mod data;
 
 mod above;
+mod choices;
 mod columns;
+mod discs;
 mod filters;
 mod formats;
 mod octree;

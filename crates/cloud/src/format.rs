@@ -97,6 +97,20 @@ impl PointFormat {
         }
     }
 
+    /// The file or flight line that a point came from.
+    pub fn source(self, record: &[u8]) -> u16 {
+        let at = if self.is_new() { 20 } else { 18 };
+        u16::from_le_bytes([record[at], record[at + 1]])
+    }
+
+    /// The angle of a point's beam from upright, in steps of the format.
+    pub fn angle(self, record: &[u8]) -> i16 {
+        match self.is_new() {
+            true => i16::from_le_bytes([record[18], record[19]]),
+            false => i8::from_le_bytes([record[16]]).into(),
+        }
+    }
+
     /// The marks of a point.
     pub fn flags(self, record: &[u8]) -> Flags {
         Flags(if self.is_new() { record[15] & 15 } else { record[15] >> 5 })

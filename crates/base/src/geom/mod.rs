@@ -17,7 +17,7 @@ pub use affine::Affine;
 pub use crs::{Conversion, Crs, Datum, GeoKeys, Heights, is_geographic, metres_in, wkt};
 pub use decimal::Decimal;
 pub use path::{Ends, Paths, Segment, cut};
-pub use point::{Frame, Point, REACH, is_within};
+pub use point::{Apart, Frame, Point, REACH, is_within};
 pub use rect::Rect;
 pub use rounding::Rounding;
 pub use ruler::Ruler;

@@ -1,5 +1,7 @@
 //! Points of clouds in whole steps of a frame, and the frame that places them in the world.
 
+use std::cmp::Ordering;
+
 use bytemuck::{Pod, Zeroable};
 
 use super::{Decimal, Ruler};
@@ -61,23 +63,94 @@ const DOUBT: f64 = 1e-9;
 /// Whether two points are no farther apart, across, than `most` world units: exactly, where `scale` and
 /// `most` are taken for the decimals they are.
 pub fn is_within(a: Point, b: Point, scale: [f64; 2], most: f64) -> bool {
-    let steps = [i64::from(a.x) - i64::from(b.x), i64::from(a.y) - i64::from(b.y)];
-    let [x, y] = [0, 1].map(|axis| steps[axis] as f64 * scale[axis]);
-    let (square, limit) = (x * x + y * y, most * most);
+    let steps = [a.x, a.y].map(i64::from);
+    let steps = [steps[0] - i64::from(b.x), steps[1] - i64::from(b.y)];
+    compared(steps, scale, most, || Units::of(scale, most)).is_le()
+}
+
+/// A distance in space, for telling many pairs of points that are nearer than it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Apart {
+    scale: [f64; 3],
+    least: f64,
+    units: Option<Units<3>>,
+}
+
+impl Apart {
+    /// `least` world units between points of steps of these sizes.
+    pub fn new(scale: [f64; 3], least: f64) -> Self {
+        Self { scale, least, units: Units::of(scale, least) }
+    }
+
+    /// Whether two points are nearer to each other: exactly, where scale and distance are taken for the decimals
+    /// they are.
+    #[inline]
+    pub fn is_nearer(&self, a: Point, b: Point) -> bool {
+        let steps = [(a.x, b.x), (a.y, b.y), (a.z, b.z)].map(|(a, b)| i64::from(a) - i64::from(b));
+        compared(steps, self.scale, self.least, || self.units).is_lt()
+    }
+
+    /// The distance, in world units.
+    pub fn least(&self) -> f64 {
+        self.least
+    }
+
+    /// Steps along each axis that points nearer to each other do not differ by.
+    pub fn steps(&self) -> [i64; 3] {
+        // One more, as the quotient is rounded.
+        self.scale.map(|step| ((self.least / step).ceil() as i64).saturating_add(1))
+    }
+}
+
+/// How the distance of so many steps compares with a length.
+#[inline]
+fn compared<const N: usize>(
+    steps: [i64; N],
+    scale: [f64; N],
+    length: f64,
+    units: impl FnOnce() -> Option<Units<N>>,
+) -> Ordering {
+    let square: f64 = (0..N).map(|axis| (steps[axis] as f64 * scale[axis]).powi(2)).sum();
+    let limit = length * length;
     match (square - limit).abs() > DOUBT * limit {
-        true => square < limit,
-        false => is_within_exactly(steps, scale, most).unwrap_or(square <= limit),
+        true => square.total_cmp(&limit),
+        false => exactly(steps, units()).unwrap_or(square.total_cmp(&limit)),
     }
 }
 
 /// The same in whole numbers; `None` where there are too many digits.
 #[cold]
-fn is_within_exactly(steps: [i64; 2], scale: [f64; 2], most: f64) -> Option<bool> {
-    let all = [Decimal::of(scale[0])?, Decimal::of(scale[1])?, Decimal::of(most)?];
-    let digits = all.iter().map(|number| number.digits()).max()?;
-    let square = |number: i128| number.checked_mul(number);
-    let along = |axis: usize| square(all[axis].units(digits)?.checked_mul(steps[axis].into())?);
-    Some(along(0)?.checked_add(along(1)?)? <= square(all[2].units(digits)?)?)
+fn exactly<const N: usize>(steps: [i64; N], units: Option<Units<N>>) -> Option<Ordering> {
+    let Units { scale, square } = units?;
+    let sum = (0..N).try_fold(0_i128, |sum, axis| {
+        let along = scale[axis].checked_mul(steps[axis].into())?;
+        sum.checked_add(along.checked_mul(along)?)
+    });
+    Some(sum?.cmp(&square))
+}
+
+/// The sizes of steps in units of the last decimal of all of them and a length, and the square of that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Units<const N: usize> {
+    scale: [i128; N],
+    square: i128,
+}
+
+impl<const N: usize> Units<N> {
+    fn of(scale: [f64; N], length: f64) -> Option<Self> {
+        let length = Decimal::of(length)?;
+        let mut all = [length; N];
+        for (number, step) in all.iter_mut().zip(scale) {
+            *number = Decimal::of(step)?;
+        }
+        let digits = all.iter().map(|number| number.digits()).fold(length.digits(), u32::max);
+        let mut scale = [0; N];
+        for (units, number) in scale.iter_mut().zip(all) {
+            *units = number.units(digits)?;
+        }
+        let length = length.units(digits)?;
+        Some(Self { scale, square: length.checked_mul(length)? })
+    }
 }
 
 #[cfg(test)]
@@ -124,6 +197,28 @@ mod tests {
                 let [x, y] = [f64::from(x * k) * scale[0], f64::from(y * k) * scale[1]];
                 off += i32::from(x * x + y * y > most * most);
             }
+        }
+        assert!(off > 50, "floats alone are wrong in {off}");
+    }
+
+    #[test]
+    fn distances_in_space_are_compared_as_decimals() {
+        let mut off = 0;
+        for k in 1..400 {
+            let least: f64 = format!("{}e-3", 3 * k).parse().unwrap();
+            // One, two, two: three. Heights are in finer steps.
+            let apart = Apart::new([0.001, 0.001, 0.0005], least);
+            let (a, b) = (Point::new(-5, 6, 7), Point::new(-5 + k, 6 - 2 * k, 7 + 4 * k));
+            assert!(!apart.is_nearer(a, b) && !apart.is_nearer(b, a), "{k}");
+            assert!(apart.is_nearer(a, Point { z: b.z - 1, ..b }), "{k}");
+            assert!(Apart::new(apart.scale, least.next_up()).is_nearer(a, b), "{k}");
+            let steps = apart.steps();
+            assert!(
+                (0..2).all(|axis| steps[axis] >= i64::from(3 * k)) && steps[2] >= 6 * i64::from(k)
+            );
+            let square =
+                [1.0, 2.0, 2.0].map(|n| (n * f64::from(k) * 0.001).powi(2)).iter().sum::<f64>();
+            off += i32::from(square < least * least);
         }
         assert!(off > 50, "floats alone are wrong in {off}");
     }

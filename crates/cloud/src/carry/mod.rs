@@ -153,6 +153,11 @@ impl<'a> Carrier<'a> {
         Lines::new(self.format, frame, &extra, self.size())
     }
 
+    /// What their fields are called, and where they are; the coordinates are not among them.
+    pub fn columns(&self) -> Vec<Column> {
+        columns(self.format, &self.extra.columns(self.format.size()))
+    }
+
     /// What is left out, or is not as in the files, one line each.
     pub fn notes(&self) -> &[String] {
         &self.notes

@@ -11,13 +11,14 @@ mod octree;
 mod record;
 mod tally;
 mod text;
+mod value;
 
 pub use chunk::{CHUNK, Chunk, Layout, Packing};
 pub use octree::{Cube, Key};
 pub(crate) use record::ANGLES;
 pub use record::Record;
-pub use text::Lines;
-pub(crate) use text::{Column, TIME, Value, columns};
+pub use text::{Column, Lines};
+pub(crate) use text::{TIME, Value, columns};
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;

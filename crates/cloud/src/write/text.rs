@@ -20,7 +20,7 @@ pub(crate) enum Value {
 
 /// A column: its name, where its value is in a record, and the value, to be multiplied and added to.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Column {
+pub struct Column {
     pub(crate) name: String,
     pub(crate) at: usize,
     pub(crate) value: Value,
@@ -143,7 +143,7 @@ impl Column {
 
     /// The value in a record, scaled; NaN where it stands for none.
     #[inline]
-    pub(crate) fn number(&self, record: &[u8]) -> f64 {
+    pub fn number(&self, record: &[u8]) -> f64 {
         let stored = self.stored(&record[self.at..]);
         if self.none == Some(stored) { f64::NAN } else { self.scaled(stored) }
     }

@@ -213,10 +213,17 @@ impl Cells {
 fn usual_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
     let [west, south, _] = info.frame.world(low);
     let [east, north, _] = info.frame.world(high);
-    let (width, height) = (east - west, north - south);
-    let by_density = (width * height * POINTS_OF_CELL / info.count.max(1) as f64).sqrt();
-    let least = info.frame.scale[0].max(info.frame.scale[1]);
-    round_up(by_density.max(width.max(height) / USUAL_SIDE).max(least))
+    let longest = (east - west).max(north - south);
+    round_up(round_side(info, [low, high]).max(longest / USUAL_SIDE))
+}
+
+/// A round size of cells with some points on the average of the box around all: twice their spacing, or more.
+pub(crate) fn round_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
+    let [west, south, _] = info.frame.world(low);
+    let [east, north, _] = info.frame.world(high);
+    let area = (east - west) * (north - south);
+    let by_density = (area * POINTS_OF_CELL / info.count.max(1) as f64).sqrt();
+    round_up(by_density.max(info.frame.scale[0]).max(info.frame.scale[1]))
 }
 
 /// The next of 1, 2, 5, 10, and so on.

@@ -1,4 +1,4 @@
-//! Which of some points that belong together is kept: thinning by cells, and points that are there twice.
+//! Which of some points that belong together are kept: thinning by cells, points that are there twice, flight lines.
 //!
 //! All records pass twice: first a mark of each, by groups, tells which one is the best of its group; then those that
 //! are not are left out. So points keep their order, and of equally good ones the first is kept.
@@ -17,6 +17,11 @@ use terrane_files::Buckets;
 /// Says which group a record is of, and how good it is there: the least rank is best.
 pub(crate) trait Choice: Sync {
     fn mark(&self, record: &[u8]) -> (Group, Rank);
+
+    /// Whether not the best of a group alone is kept, but all in it whose ranks end with the same number.
+    fn keeps_alike(&self) -> bool {
+        false
+    }
 }
 
 /// What is the same of all points of a group.
@@ -56,8 +61,9 @@ pub(crate) struct Chosen<'a> {
     records: &'a dyn Records,
     record: usize,
     kept: BitSet,
-    /// Number of the first record of each unit.
+    /// Number of the first record of each unit, and how many there are.
     firsts: Vec<u64>,
+    all: u64,
 }
 
 impl<'a> Chosen<'a> {
@@ -76,8 +82,24 @@ impl<'a> Chosen<'a> {
             let bucket = (mixed(&group) % count) as usize;
             buckets.push(bucket, &[Mark { group, rank, number }])
         })?;
-        let kept = best(&buckets, count as usize, (number, left), at)?;
-        Ok(Self { records, record: flow.record, kept, firsts })
+        let kept = best(&buckets, count as usize, choice.keeps_alike(), (number, left), at)?;
+        Ok(Self { records, record: flow.record, kept, firsts, all: number })
+    }
+
+    /// Those whose numbers are kept, of all with these numbers of the first of each unit.
+    pub(crate) fn of(
+        records: &'a dyn Records,
+        record: usize,
+        (firsts, all): (Vec<u64>, u64),
+        kept: BitSet,
+    ) -> Self {
+        Self { records, record, kept, firsts, all }
+    }
+
+    /// How many are left out.
+    pub(crate) fn left_out(&self) -> u64 {
+        let kept: u64 = self.kept.words().iter().map(|word| u64::from(word.count_ones())).sum();
+        self.all - kept
     }
 }
 
@@ -105,10 +127,11 @@ impl Records for Chosen<'_> {
     }
 }
 
-/// The numbers of the best of each group.
+/// The numbers of the best of each group, and of those alike if they are kept.
 fn best(
     buckets: &Buckets<Mark>,
     count: usize,
+    keeps_alike: bool,
     (numbers, memory): (u64, u64),
     at: At<'_>,
 ) -> Result<BitSet> {
@@ -126,6 +149,16 @@ fn best(
                 false => Ok(()),
             }
         })?;
+        if keeps_alike {
+            let is_alike = |mark: &&Mark| {
+                best.get(&mark.group).is_some_and(|(rank, _)| rank[1] == mark.rank[1])
+            };
+            buckets.read(bucket, |marks| {
+                marks.iter().filter(is_alike).for_each(|mark| {
+                    kept.insert(mark.number as usize);
+                });
+            })?;
+        }
         buckets.forget(bucket);
         best.values().for_each(|(_, number)| {
             kept.insert(*number as usize);
@@ -154,6 +187,15 @@ pub(crate) fn place(record: &[u8]) -> Point {
     let (fours, _) = record.as_chunks::<4>();
     let [x, y, z] = [0, 1, 2].map(|axis| i32::from_le_bytes(fours[axis]));
     Point { x, y, z }
+}
+
+/// The time that a record has at a byte, as a number that is ordered alike; 0 where it has none.
+pub(crate) fn time(record: &[u8], at: Option<usize>) -> u64 {
+    let bytes = at.and_then(|at| record[at..].first_chunk());
+    bytes.map_or(0, |bytes| match u64::from_le_bytes(*bytes) {
+        negative if negative >> 63 == 1 => !negative,
+        positive => positive | 1 << 63,
+    })
 }
 
 /// A signed number as one that is ordered alike.

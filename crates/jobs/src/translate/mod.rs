@@ -1,19 +1,24 @@
 //! Clouds into files of points: filtered, thinned and merged; one file, or one for each square.
 //!
 //! ```text
-//! files, sorted ── parts ── records of one format ──[single]──[what the ground tells]──[thinned]──[moved]── file
+//! files, sorted ── parts ── records of one format ──[single]──[what the ground tells]──[attributes set] ─┐
+//!                              file ──[sorted]──[moved]──[discs]──[thinned]──[one flight line each] ◀─────┘
 //! ```
 //!
-//! Whatever is asked for, points stay in the order of files and of points in them, so the bytes depend on neither
-//! threads nor memory. What needs to know of other points looks at all first (`choice`).
+//! Whatever else is asked for, points stay in the order of files and of points in them, so the bytes depend on neither
+//! threads nor memory. What needs to know of other points looks at all first (`choice`, `discs`).
 
 mod above;
+mod assign;
 mod carried;
+mod discs;
 mod moved;
 mod octree;
+mod overlap;
 pub mod plan;
 mod portion;
 mod prepared;
+mod sorted;
 mod squares;
 mod thin;
 
@@ -35,12 +40,19 @@ use crate::transform::{Transform, Transformed};
 use crate::{Cancel, Progress, Resources};
 pub use above::{Above, Classify, HeightsAs, Layers};
 use above::{Looking, Told};
+pub use assign::Assign;
+use assign::{Assigned, Assigning};
 use carried::CarriedRecords;
 use moved::{Move, MovedRecords};
+use overlap::FlightLines;
+pub use overlap::Overlap;
 use portion::Portion;
 use prepared::{Prepared, least, record_bytes, stored};
+use sorted::Sorted;
+pub use sorted::{SORTS, Sort};
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Apart;
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
 use terrane_cloud::{
     Carrier, Census, Cloud, CloudInfo, Filter, OpenOptions, PointFormat, PointSource,
@@ -65,10 +77,18 @@ pub struct TranslateJob {
     pub dedupe: bool,
     /// Heights above the ground, and classes.
     pub above: Above,
+    /// Attributes that are set, one after the other.
+    pub assign: Vec<Assign>,
+    /// Keep the points of one flight line in each cell.
+    pub overlap: Option<Overlap>,
     /// Keep one point of each cell.
     pub thin: Option<Thin>,
+    /// Keep points that are no nearer to each other than this, in space and world units; as many as that allows.
+    pub distance: Option<f64>,
     /// The system that they are to be in.
     pub transform: Option<Transform>,
+    /// Their order; that of files and of points in them when `None`.
+    pub sort: Option<Sort>,
     /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
     pub squares: Option<(Squares, bool)>,
     /// Replace an existing output.
@@ -87,8 +107,12 @@ impl TranslateJob {
             format: None,
             dedupe: false,
             above: Above::default(),
+            assign: Vec::new(),
+            overlap: None,
             thin: None,
+            distance: None,
             transform: None,
+            sort: None,
             squares: None,
             overwrite: false,
             resources: Resources::default(),
@@ -209,19 +233,23 @@ fn prepared<T: Send>(
     let packing = job.packing()?;
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
     let carrier = Carrier::new(cloud, (job.format, packing), has_dimension)?;
-    job.above.check(carrier.format())?;
+    job.check((carrier.format(), packing), carrier.info())?;
+    let told = job.above.info(carrier.info());
+    let columns = carrier.columns();
+    let assigning = Assigning::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
     let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window));
     let needed = job.needed(packing, carrier.info(), source.count());
     let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
     let threads = shares.threads;
-    let told = job.above.info(carrier.info());
     let moved = job.moved(&told)?;
     let info = moved.as_ref().map_or(&told, |moved| &moved.info);
     let file = carrier.file(info.frame, info.crs.clone());
     let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
     let work = Work {
         job,
+        input: cloud,
         cloud: cloud.info(),
+        assigning: &assigning,
         told: &told,
         info,
         moved: moved.as_ref(),
@@ -242,23 +270,44 @@ impl TranslateJob {
         terrane_cloud::open(&self.input, &self.reading())
     }
 
-    /// Whether some points are chosen of all.
-    fn chooses(&self) -> bool {
-        self.dedupe || self.thin.is_some()
+    /// How many times some points are chosen of all.
+    fn choices(&self) -> u64 {
+        let choices = [self.dedupe, self.thin.is_some(), self.overlap.is_some()];
+        choices.map(u64::from).iter().sum()
     }
 
-    /// How far from a point others may be that decide whether it is kept.
+    /// How far from a point others may be that decide whether it is kept: of its cell, and of the cells of these.
     fn reach(&self) -> f64 {
-        self.thin.map_or(0.0, |thin| thin.cell)
+        let overlap = self.overlap.and_then(|overlap| overlap.cell);
+        self.thin.map_or(0.0, |thin| thin.cell) + overlap.unwrap_or_default()
     }
 
     /// Bytes of memory that it needs beside records on their way, so many of them read of such a cloud; and more for
     /// each thread.
     fn needed(&self, packing: Packing, info: &CloudInfo, points: u64) -> [u64; 2] {
-        let choices = u64::from(self.dedupe) + u64::from(self.thin.is_some());
+        let choices = self.choices() * needed(points);
         let is_spread = packing == Packing::Nodes || self.squares.is_some();
+        let spread = if is_spread { SPREAD } else { 0 };
+        let sort = self.sort.map_or(0, |_| sorted::LEAST);
+        let [discs, each_disc] = self.distance.map_or([0; 2], |_| discs::needed(info.count));
         let [above, each] = self.above.needed(info);
-        [choices * needed(points) + above + if is_spread { SPREAD } else { 0 }, each]
+        [choices + above + discs + spread + sort, each.max(each_disc)]
+    }
+
+    /// Fails where something asked for cannot act on points of a format and packing, which lie so.
+    fn check(&self, (format, packing): (PointFormat, Packing), info: &CloudInfo) -> Result<()> {
+        self.above.check(format)?;
+        if let Some(least) = self.distance {
+            discs::check(least, info)?;
+        }
+        match self.sort {
+            Some(_) if packing == Packing::Nodes => {
+                Err(Error::usage("--sort cannot act: an octree has an order of its own")
+                    .remedy("leave it out, or choose a name that ends in .laz only"))
+            }
+            Some(by) => sorted::check(by, format),
+            None => Ok(()),
+        }
     }
 
     /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
@@ -319,10 +368,12 @@ struct Made {
 /// A job whose input is open.
 struct Work<'a> {
     job: &'a TranslateJob,
+    input: &'a Cloud,
     /// What is read, in the frame that methods work in.
     cloud: &'a CloudInfo,
     /// What is known before points are moved.
     told: &'a CloudInfo,
+    assigning: &'a Assigning,
     /// What is written.
     info: &'a CloudInfo,
     moved: Option<&'a Move>,
@@ -337,21 +388,60 @@ struct Work<'a> {
 impl Work<'_> {
     /// Writes what is chosen of all records, and says what was found.
     fn run(&self, source: &dyn Records, wide: Option<&Wide>) -> Result<(Made, Vec<String>)> {
+        let (job, record) = (self.job, self.shares.flow.record);
         let twice = thin::Twice::new(self.options.format);
-        let single = self.job.dedupe.then(|| self.choose(source, &twice, "points there twice"));
+        let single = job.dedupe.then(|| self.choose(source, &twice, "points there twice"));
         let single = single.transpose()?;
-        let records: &dyn Records = single.as_ref().map_or(source, |chosen| chosen);
-        let told = self.job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
-        let records = told.as_ref().map_or(records, |told| told);
-        let cells =
-            self.job.thin.map(|thin| thin::Cells::new(thin, &self.told.frame)).transpose()?;
-        let thinned =
-            cells.as_ref().map(|cells| self.choose(records, cells, "cells")).transpose()?;
-        let records = thinned.as_ref().map_or(records, |chosen| chosen);
-        let record = self.shares.flow.record;
+        let records = over(&single, source);
+        let told = job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
+        let records = over(&told, records);
+        let (assigning, cloud) = (self.assigning, self.input);
+        let assigned =
+            (!job.assign.is_empty()).then_some(Assigned { records, assigning, record, cloud });
+        let records = over(&assigned, records);
+        let lines = job.overlap.map(|overlap| self.lines(records, overlap)).transpose()?;
+        let records = over(&lines, records);
+        let thinned = job.thin.map(|thin| self.thin(records, thin)).transpose()?;
+        let records = over(&thinned, records);
+        let apart = job.distance.map(|least| self.discs(least).choose(records)).transpose()?;
+        let records = over(&apart, records);
         let moved = self.moved.map(|to| MovedRecords { records, to, record });
-        let made = self.write(moved.as_ref().map_or(records, |moved| moved))?;
-        Ok((made, told.map_or_else(Vec::new, |told| told.notes)))
+        let records = over(&moved, records);
+        let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
+        let made = self.write(over(&sorted, records))?;
+        let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
+            let (side, left_out) = (overlap.side(self.told), lines.left_out());
+            format!("overlap: {left_out} points of other flight lines left out, in cells of {side}")
+        });
+        Ok((made, told.iter().flat_map(|told| told.notes.clone()).chain(note).collect()))
+    }
+
+    fn lines<'r>(&self, records: &'r dyn Records, overlap: Overlap) -> Result<Chosen<'r>> {
+        let (side, format) = (overlap.side(self.told), self.options.format);
+        let lines = FlightLines::new(side, &self.told.frame, format)?;
+        self.choose(records, &lines, "flight lines")
+    }
+
+    fn thin<'r>(&self, records: &'r dyn Records, thin: Thin) -> Result<Chosen<'r>> {
+        self.choose(records, &thin::Cells::new(thin, &self.told.frame)?, "cells")
+    }
+
+    fn discs(&self, least: f64) -> discs::Discs<'_> {
+        discs::Discs {
+            apart: Apart::new(self.told.frame.scale, least),
+            info: self.told,
+            format: self.options.format,
+            flow: self.shares.flow,
+            threads: self.shares.threads,
+            memory: self.shares.marks,
+            folder: self.folder(),
+            at: self.at,
+        }
+    }
+
+    fn sort(&self, records: &dyn Records, by: Sort) -> Result<Sorted> {
+        let held = (self.shares.flow, self.shares.marks / 4, self.folder());
+        Sorted::new(records, (by, self.options.format), held, self.at)
     }
 
     fn tell<'r>(&self, records: &'r dyn Records, wide: Option<&Wide>) -> Result<Told<'r>> {
@@ -491,6 +581,11 @@ impl Work<'_> {
         let division = squares::Division::new(squares, self.info, waiting, &self.options);
         division.write(records, (self.shares.flow, self.shares.threads), folder, self.at)
     }
+}
+
+/// Records made of others, where there are any, or these.
+fn over<'r>(made: &'r Option<impl Records>, others: &'r dyn Records) -> &'r dyn Records {
+    made.as_ref().map_or(others, |made| made)
 }
 
 fn finish(writer: CloudWriter) -> Result<Made> {

@@ -87,8 +87,9 @@ pub(super) fn record_bytes(job: &TranslateJob, cloud: &Cloud) -> Result<usize> {
 /// What carries the points of a job that can be done.
 fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrier<'a>> {
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let carrier = Carrier::new(cloud, (job.format, job.packing()?), has_dimension)?;
-    job.above.check(carrier.format())?;
+    let packing = job.packing()?;
+    let carrier = Carrier::new(cloud, (job.format, packing), has_dimension)?;
+    job.check((carrier.format(), packing), carrier.info())?;
     Ok(carrier)
 }
 

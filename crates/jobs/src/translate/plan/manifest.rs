@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::grid::preset::Seen;
 use crate::plan;
 use crate::translate::portion::Spans;
-use crate::translate::{Above, Squares, Thin, TranslateJob, squares};
+use crate::translate::{Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, squares};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_cloud::{CloudInfo, OpenOptions, PointFormat};
@@ -39,7 +39,13 @@ pub(super) struct Method {
     format: Option<u8>,
     dedupe: bool,
     above: Above,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    assign: Vec<Assign>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) overlap: Option<Overlap>,
     thin: Option<Thin>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sort: Option<Sort>,
     pub(super) squares: Squares,
     /// True for files that are not compressed.
     is_plain: bool,
@@ -81,8 +87,12 @@ impl Method {
             format,
             dedupe,
             above,
+            assign,
+            overlap,
             thin,
+            distance,
             transform,
+            sort,
             squares,
             overwrite: _,
             resources: _,
@@ -95,6 +105,10 @@ impl Method {
             return Err(Error::usage("--to-crs cannot act in a plan: which points are in a square of another system is known when all are moved")
                 .remedy("plan without it and run terrane points --to-crs on the squares, or run terrane points alone"));
         }
+        if distance.is_some() {
+            return Err(Error::usage("--thin-distance cannot act in a plan: whether a point stays may depend on points however far away")
+                .remedy("plan without it and run terrane points --thin-distance on the squares, or run terrane points alone"));
+        }
         if *dedupe && above.is_asked() {
             return Err(Error::usage("--dedupe cannot act beside what the ground tells in a plan: the ground is looked at before")
                 .remedy("plan --dedupe first, and the ground of what that gives"));
@@ -105,7 +119,10 @@ impl Method {
             format: format.map(PointFormat::number),
             dedupe: *dedupe,
             above: above.clone(),
+            assign: assign.clone(),
+            overlap: *overlap,
             thin: *thin,
+            sort: *sort,
             squares,
             is_plain,
         })
@@ -118,7 +135,10 @@ impl Method {
             format: self.format.map(PointFormat::new).transpose()?,
             dedupe: self.dedupe,
             above: self.above.clone(),
+            assign: self.assign.clone(),
+            overlap: self.overlap,
             thin: self.thin,
+            sort: self.sort,
             squares: Some((self.squares, self.is_plain)),
             ..TranslateJob::new(self.input.clone(), "")
         })

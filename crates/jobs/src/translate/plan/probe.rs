@@ -107,7 +107,7 @@ fn area(opened: &Opened, work: &Points, spans: Spans) -> f64 {
 
 /// Points that may have to be looked at for the task that has most of them, where that matters.
 fn heaviest(opened: &Opened, work: &Points) -> u64 {
-    if !opened.job.chooses() {
+    if opened.job.choices() == 0 {
         return 0;
     }
     let frame = &opened.cloud.info().frame;

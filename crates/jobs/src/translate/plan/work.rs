@@ -42,9 +42,12 @@ impl Points {
     /// What is asked for, and what there is; nothing is known of the ground yet.
     pub(super) fn new(job: &TranslateJob, cut: Option<u32>) -> Result<(Self, Opened)> {
         let mut method = Method::of(job)?;
-        let opened = Opened::new(job.clone())?;
+        let mut opened = Opened::new(job.clone())?;
         method.found(opened.cloud.files())?;
         let info = translate::stored(&opened.job, &opened.cloud)?;
+        // Cells are those of the whole cloud.
+        method.overlap = job.overlap.map(|cells| cells.over(&info));
+        opened.job.overlap = method.overlap;
         let blocks = Blocks::of(&info, &method.squares, cut)?;
         blocks.check()?;
         Ok((Self { label: label(job), method, blocks, seen: None }, opened))

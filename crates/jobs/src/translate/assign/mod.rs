@@ -1,0 +1,191 @@
+//! Attributes of points that are given other values, by formulas of what is known of the point.
+
+mod formula;
+
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::records::choice::place;
+use crate::records::{Records, Take};
+use formula::Formula;
+use terrane_base::attribute;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Frame, Ruler};
+use terrane_cloud::write::Column;
+use terrane_cloud::{Cloud, PointFormat};
+use terrane_files::path_of;
+
+/// What coordinates are called.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// An attribute and what it is to be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Assign {
+    /// As it was written.
+    text: String,
+    name: String,
+    formula: Formula<String>,
+}
+
+impl FromStr for Assign {
+    type Err = String;
+
+    /// "NAME=FORMULA", such as "intensity = intensity / 256".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let (name, formula) =
+            text.split_once('=').ok_or("expected the name of an attribute, =, and a formula")?;
+        let name = name.trim().trim_matches('"').to_owned();
+        if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
+            return Err(format!("{name} is a coordinate and no attribute: --to-crs moves points"));
+        }
+        Ok(Self { text: text.to_owned(), name, formula: Formula::parse(formula)? })
+    }
+}
+
+impl TryFrom<String> for Assign {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<Assign> for String {
+    fn from(assign: Assign) -> Self {
+        assign.text
+    }
+}
+
+/// Where a number of a formula is.
+#[derive(Clone)]
+enum Source {
+    Axis(usize),
+    Field(Column),
+}
+
+/// What is set, one after the other.
+pub(super) struct Assigning {
+    rulers: [Ruler; 3],
+    steps: Vec<(Column, Formula<Source>)>,
+}
+
+impl Assigning {
+    /// For records of a format with these columns, which lie in a frame.
+    ///
+    /// # Errors
+    /// Names that are none of them.
+    pub(super) fn new(
+        asked: &[Assign],
+        (format, columns): (PointFormat, &[Column]),
+        frame: &Frame,
+    ) -> Result<Self> {
+        let find = |name: &str| column(name, columns).ok_or_else(|| lacking(name, format, columns));
+        let source = |name: &str| match AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis))
+        {
+            Some(axis) => Ok(Source::Axis(axis)),
+            None => find(name).map(Source::Field),
+        };
+        let step =
+            |one: &Assign| -> Result<_> { Ok((find(&one.name)?, one.formula.resolve(source)?)) };
+        let steps = asked.iter().map(step).collect::<Result<_>>()?;
+        Ok(Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), steps })
+    }
+
+    fn set(&self, record: &mut [u8], stack: &mut Vec<f64>) -> std::result::Result<(), String> {
+        for (column, formula) in &self.steps {
+            let number = formula.compute(stack, |source| self.value(source, record));
+            let number = number.map_err(|what| format!("{}: {what}", column.name()))?;
+            column.set(record, number)?;
+        }
+        Ok(())
+    }
+
+    fn value(&self, source: &Source, record: &[u8]) -> std::result::Result<f64, String> {
+        match source {
+            Source::Axis(axis) => Ok(self.place(record)[*axis]),
+            Source::Field(column) => match column.number(record) {
+                number if number.is_finite() => Ok(number),
+                _ => Err(format!("{} has no value", column.name())),
+            },
+        }
+    }
+
+    fn place(&self, record: &[u8]) -> [f64; 3] {
+        let at = place(record);
+        [0, 1, 2].map(|axis| self.rulers[axis].at([at.x, at.y, at.z][axis].into()))
+    }
+}
+
+/// The column of an attribute: one of the standard by any of its names, or extra bytes.
+fn column(name: &str, columns: &[Column]) -> Option<Column> {
+    let name = attribute::known(name.trim()).map_or(name.trim(), |attribute| attribute.name);
+    columns.iter().find(|column| column.name().trim().eq_ignore_ascii_case(name)).cloned()
+}
+
+fn lacking(name: &str, format: PointFormat, columns: &[Column]) -> Error {
+    let number = format.number();
+    let names: Vec<&str> = columns.iter().map(Column::name).collect();
+    Error::usage(format!("the points, of format {number}, have no attribute {name:?}"))
+        .remedy(format!("they have {}; --point-format takes others", names.join(", ")))
+}
+
+/// Records with attributes that were set.
+pub(super) struct Assigned<'a> {
+    pub(super) records: &'a dyn Records,
+    pub(super) assigning: &'a Assigning,
+    /// Bytes of a record.
+    pub(super) record: usize,
+    /// Whose parts the units are.
+    pub(super) cloud: &'a Cloud,
+}
+
+impl Assigned<'_> {
+    fn failure(&self, unit: usize, record: &[u8], what: &str) -> Error {
+        let [x, y, z] = self.assigning.place(record);
+        let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
+        let error = error.remedy("change --attribute, or leave the point out");
+        match self.cloud.file_of(unit) {
+            Some(name) => error.in_file(&path_of(name)),
+            None => error,
+        }
+    }
+}
+
+impl Records for Assigned<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn points(&self, unit: usize) -> u64 {
+        self.records.points(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let (mut set, mut stack) = (Vec::new(), Vec::new());
+        self.records.read(unit, &mut |bytes| {
+            set.clear();
+            set.extend_from_slice(bytes);
+            for record in set.chunks_exact_mut(self.record) {
+                let done = self.assigning.set(record, &mut stack);
+                done.map_err(|what| self.failure(unit, record, &what))?;
+            }
+            take(&set)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_and_what_names_nothing_are_refused() {
+        for text in ["z=1", "X = 2", "intensity", "intensity=", "=2*"] {
+            assert!(text.parse::<Assign>().is_err(), "{text}");
+        }
+        let quoted: Assign = "\"my own\" = z / 2".parse().unwrap();
+        assert_eq!(quoted.name, "my own");
+    }
+}
