@@ -267,8 +267,8 @@ fn jobs() -> Vec<String> {
             add(format!("convert ../in/rough.tif o.tif --resampling {name} {to}"));
         }
     }
-    for (ending, how) in [("tif", ""), ("tif", "-f COG --alpha"), ("png", "--alpha --nearest")] {
-        add(format!("color-relief ../in/rough.tif ../in/colours.txt o.{ending} {how}"));
+    for (ending, how) in [("tif", ""), ("tif", " -f COG --alpha"), ("png", " --alpha --nearest")] {
+        add(format!("color-relief ../in/rough.tif ../in/colours.txt o.{ending}{how}"));
     }
     for method in line::METHODS {
         let name = method.name;

@@ -90,7 +90,7 @@ impl Verb for Args {
         };
         convert::check(&copy)?;
         check::input(colours)?;
-        check::not_among(&[colours.clone()], &[&self.output])?;
+        check::not_among(std::slice::from_ref(colours), &[&self.output])?;
         let colours = path_of(colours).into_owned();
         let job = ColourJob { copy, colours, between: self.between(), opacity: self.alpha };
         let made = colours::run(&job, self.show.progress().as_ref(), call.cancel)?;

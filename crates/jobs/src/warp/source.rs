@@ -22,9 +22,10 @@ const USUAL_SPAN: f64 = 256.0;
 /// How the output is best read.
 pub(super) const BLOCK: (u32, u32) = (256, 256);
 
-/// Bytes that a thread holds: samples of the grid, and places and heights of a piece.
+/// Bytes that a thread holds: samples of the grid, and places and heights of a piece; and what systems and operations
+/// take, which all threads share.
 pub(super) const WORKER_BYTES: u64 =
-    (MOST_SAMPLES * 8 + (MOST_SIDE * MOST_SIDE) as usize * 24) as u64;
+    (MOST_SAMPLES * 8 + (MOST_SIDE * MOST_SIDE) as usize * 24) as u64 + (3 << 20);
 
 /// A grid on another lattice.
 pub(super) struct Warped {

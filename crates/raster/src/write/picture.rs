@@ -12,7 +12,7 @@ use terrane_base::geom::Rect;
 use terrane_files::lock;
 
 /// Pixels of a block, about; at least one row.
-const BLOCK_PIXELS: u32 = 1 << 18;
+const BLOCK_PIXELS: u32 = 1 << 16;
 
 /// A picture in the making.
 pub(super) struct PictureSink {
