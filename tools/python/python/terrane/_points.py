@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from terrane import _terrane
 from terrane._clouds import cloud_of
 from terrane._errors import refuse_existing, usage
 from terrane._plans import Plan
@@ -164,7 +165,7 @@ def opened(
     z_range: Sequence[float] | None,
     every: int | None,
     salvage: bool,
-) -> Any:
+) -> _terrane.Cloud:
     """The cloud in files, and what is wanted of it."""
     if names_of(src) is None:
         raise usage("points are copied from files", "pass paths")

@@ -123,8 +123,10 @@ impl Looking<'_> {
         let counts = match surface {
             Some(surface) => {
                 let counts = self.value(&surface, &entries, &values);
-                let portion = self.portion.filter(|_| surface.store().is_exceeded());
-                portion.into_iter().for_each(Portion::exceed);
+                if surface.store().is_exceeded() {
+                    self.portion.into_iter().for_each(Portion::exceed);
+                    return Err(more_is_needed());
+                }
                 counts?
             }
             None => return Err(no_ground()),
