@@ -195,16 +195,16 @@ mod tests {
 
     #[test]
     fn fates_are_known_a_few_distances_from_the_rim() {
-        // A window of 200 by 12 distances, with some 10 points to the square of one.
+        // A window of 800 by 12 distances, with 25 points to the square of one.
         let place = |i: u64| {
             let [x, y, z] =
                 [1, 2, 3].map(|axis| mixed(&[i, axis]) % [4000, 12 * 5, 20][axis as usize - 1]);
             Point::new(x as i32, y as i32, z as i32)
         };
-        let mut points: Vec<_> = (0..24_000).map(place).collect();
+        let mut points: Vec<_> = (0..240_000).map(place).collect();
         points.sort_by_key(|point| mixed(&[point.x, point.y, point.z].map(ordered)));
         let apart = Apart::new([0.2, 0.2, 0.01], 1.0);
-        let mut fates = Fates::new(&apart, [[200, i64::MIN], [3800, i64::MAX]]);
+        let mut fates = Fates::new(&apart, [[206, i64::MIN], [3794, i64::MAX]]);
         let (mut known, mut depth) = (0, 0);
         for point in points.iter().filter(|point| (200..3800).contains(&point.x)) {
             match fates.judge(*point) {
@@ -213,7 +213,7 @@ mod tests {
             }
         }
         assert!(
-            depth < 40 && known > 15_000,
+            depth < 12 && known > 150_000,
             "{known} known, others {depth} distances from the rim"
         );
     }
