@@ -27,7 +27,7 @@ pub(crate) const METHOD: Method = Method {
 /// Side of the squares whose lowest points the first triangulation begins with, in metres.
 const SQUARE: f64 = 50.0;
 /// And of those whose lowest points it goes on with.
-const BLOCK: f64 = 4.0;
+const BLOCK: f64 = 3.0;
 /// How near the cloth a seed lies, and how far at most above the first triangulation, in metres.
 const NEAR: f64 = 0.3;
 const ABOVE: f64 = 2.0;
@@ -50,8 +50,9 @@ fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
 /// The cells whose lowest points touch the cloth and lie not far above the first triangulation.
 fn checked(lows: &Lows<'_>, cells: &Cells) -> Vec<usize> {
     let (width, cell) = (lows.width, lows.cell);
-    let first = cells.lowest((SQUARE / cell).ceil() as usize);
-    let below = densified(&cells.thinned((BLOCK / cell).ceil() as usize), &first, &WIDE);
+    let few = cells.thinned(((BLOCK / cell) as usize).max(1));
+    let first = few.lowest((SQUARE / cell).ceil() as usize);
+    let below = densified(&few, &first, &WIDE);
     let below = |at: usize| below[(at / width + 1) * (width + 2) + at % width + 1];
     let heights = lows.heights();
     let cloth = settled(&heights, width, &CLOTH);

@@ -54,10 +54,10 @@ impl Cells {
             let beside = beside.into_iter().filter(|(there, _)| *there).map(|(_, on)| at + on);
             let west = (at % self.width > 0).then_some(at + self.width - 1);
             for other in beside.chain(west).filter(|other| *other < count) {
-                if let (Some(a), Some(b)) = (self.points[at], self.points[other]) {
-                    if [a.x, a.y] == [b.x, b.y] {
-                        self.points[if a.z <= b.z { other } else { at }] = None;
-                    }
+                if let (Some(a), Some(b)) = (self.points[at], self.points[other])
+                    && [a.x, a.y] == [b.x, b.y]
+                {
+                    self.points[if a.z <= b.z { other } else { at }] = None;
                 }
             }
         }
@@ -67,14 +67,15 @@ impl Cells {
         self.points.len() / self.width
     }
 
-    /// The cells whose points are the lowest of squares of `side` cells, sorted.
+    /// The cells whose points are the lowest of squares of `side` cells, sorted. What is left at the end of a
+    /// row or column belongs to the square before, so that none is smaller than what it has to tell from ground.
     pub(crate) fn lowest(&self, side: usize) -> Vec<usize> {
-        let across = self.width.div_ceil(side);
-        let squares = across * self.rows().div_ceil(side);
-        let mut lowest: Vec<Option<(Point, usize)>> = vec![None; squares];
+        let [across, up] = [self.width, self.rows()].map(|count| (count / side).max(1));
+        let mut lowest: Vec<Option<(Point, usize)>> = vec![None; across * up];
         for (at, point) in self.points.iter().enumerate() {
             let Some(point) = point else { continue };
-            let square = at / self.width / side * across + at % self.width / side;
+            let (col, row) = (at % self.width / side, at / self.width / side);
+            let square = row.min(up - 1) * across + col.min(across - 1);
             let key = |p: &Point| (p.z, p.x, p.y);
             if lowest[square].is_none_or(|(low, _)| key(point) < key(&low)) {
                 lowest[square] = Some((*point, at));
@@ -167,7 +168,7 @@ impl<'a> Densifying<'a> {
         let mut found = Vec::new();
         for Waiting { at, triangle } in &mut self.waiting {
             let number = *triangle as usize;
-            if !self.stale[number] && !(moved && self.outer[number]) {
+            if !(self.stale[number] || moved && self.outer[number]) {
                 continue;
             }
             let Some(point) = self.cells.points[*at as usize] else { continue };
