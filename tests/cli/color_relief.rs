@@ -24,7 +24,7 @@ fn pixels_are_the_colours_of_heights_in_every_format() {
         values(&place, "dem.tif").1.iter().map(|z| f64::from(*z as f32)).collect();
     let valid = || heights.iter().filter(|z| !z.is_nan());
     let (low, high) = valid().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
-    let mut entries = vec![
+    let mut entries = [
         (0.0, [0.0, 64.0, 128.0, 255.0]),
         (low + 0.25 * (high - low), [0.0, 160.0, 60.0, 255.0]),
         (600.0, [255.0, 127.0, 0.0, 200.0]),
