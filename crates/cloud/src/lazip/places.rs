@@ -146,7 +146,7 @@ impl Channel {
 
         let [before_x, before_y] = self.last.place;
         self.last.place = [before_x.wrapping_add(x), before_y.wrapping_add(y)];
-        ((x_size + y_size) / 2 & !1).min(18) as usize | is_single
+        (((x_size + y_size) / 2) & !1).min(18) as usize | is_single
     }
 
     /// Return numbers of the next point.
