@@ -495,9 +495,12 @@ impl Work<'_> {
         Ok(chosen)
     }
 
-    /// Where what has to wait goes.
+    /// Where what has to wait goes: beside the output, which a plan is far from.
     fn folder(&self) -> &Path {
-        folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
+        match (&self.job.resources.temp_dir, self.portion) {
+            (None, Some(portion)) => portion.folder,
+            (asked, _) => folder_for(&self.job.output, asked.as_deref()),
+        }
     }
 
     fn write(&self, records: &dyn Records) -> Result<Made> {
