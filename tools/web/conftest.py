@@ -66,7 +66,7 @@ class Opened:
 
     def wait(self, is_so):
         """Asks again and again: the page's policy does not let conditions be evaluated in it."""
-        end = time.monotonic() + 60
+        end = time.monotonic() + 120
         while not is_so():
             assert time.monotonic() < end, self.faults
             self.page.wait_for_timeout(30)
