@@ -94,6 +94,9 @@ def compare_colours(terrane, dem, name, folder, times):
     """Whether colours differ."""
     colours, ours, other, worst = folder / "colours.txt", folder / "ours.tif", folder / "other.tif", False
     colours.write_text(COLOURS)
+    # Shares are of all heights, as statistics beside the file tell, which may be those of the grid before.
+    dem.with_name(dem.name + ".aux.xml").unlink(missing_ok=True)
+    run(["gdalinfo", "-stats", dem])
     for more, theirs in WAYS:
         mine = run([terrane, "color-relief", dem, colours, ours, *more, "--threads", 1, "--overwrite", "-q"])
         took = run(["gdaldem", "color-relief", dem, colours, other, *theirs, "-q"])

@@ -101,7 +101,8 @@ def compare_distances(before, after, least):
     kept = cKDTree(places(after))
     near = kept.query(places(after), k=2)[0][:, 1].min() if len(after) > 1 else least
     far = kept.query(places(before))[0].max()
-    hair = 1e-9 * least
+    # Coordinates in doubles are right to some nanometres.
+    hair = 1e-7 * least
     if near < least - hair or far >= least + hair:
         yield f"{len(after)} points {near} from each other, and one {far} from all"
 

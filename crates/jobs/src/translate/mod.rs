@@ -18,6 +18,7 @@ mod overlap;
 pub mod plan;
 mod portion;
 mod prepared;
+mod shares;
 mod sorted;
 mod squares;
 mod thin;
@@ -32,7 +33,6 @@ use serde::Serialize;
 use crate::figures::Figures;
 use crate::grid::preset::{Metres, around};
 use crate::input::workers;
-use crate::memory::PROGRAM;
 use crate::plan::At;
 use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Flow, Packer, Records};
@@ -48,12 +48,13 @@ use overlap::FlightLines;
 pub use overlap::Overlap;
 use portion::Portion;
 use prepared::{Prepared, least, record_bytes, stored};
+use shares::Shares;
 use sorted::Sorted;
 pub use sorted::{SORTS, Sort};
 pub use squares::{BufferMark, Squares};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Apart;
-use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
+use terrane_cloud::write::{CloudWriter, Packing, WriteOptions, packing_by_name};
 use terrane_cloud::{
     Carrier, Census, Cloud, CloudInfo, Filter, OpenOptions, PointFormat, PointSource,
 };
@@ -144,63 +145,10 @@ pub struct TranslateReport {
     pub notes: Vec<String>,
 }
 
-/// Memory of a thread for reading, beside the records it hands on; and more for each extra byte, as a compressed one
-/// has models of its own in every channel of a scanner.
-const READING: u64 = 4 << 20;
-const READING_EXTRA: u64 = 4 << 10;
-/// Chunks that a thread holds while it packs one: its records, the same compressed, and the compressor's.
-const PACKING: u64 = 4;
-/// Most bytes of the records of a round, for each thread.
-const ROUND: u64 = 16 << 20;
-
 /// Lines that a thread makes at a time.
 const LINES: usize = 4096;
 /// Least memory for records that are put into columns or squares.
 const SPREAD: u64 = 32 << 20;
-
-/// How the memory is divided.
-struct Shares {
-    threads: usize,
-    flow: Flow,
-    /// Bytes for what is looked at before.
-    marks: u64,
-}
-
-impl Shares {
-    /// For records of so many bytes, some of them extra, beside so many that what is looked at before needs, and
-    /// each thread for it.
-    fn new(
-        resources: &Resources,
-        (record, extra): (usize, usize),
-        [needed, looking]: [u64; 2],
-    ) -> Result<Self> {
-        let chunk = (CHUNK * record) as u64;
-        let [least, worker] = Self::least((record, extra), [needed, looking]);
-        let Some(rest) = resources.memory.checked_sub(least) else {
-            let [needed, allowed] = [least.div_ceil(1 << 20), resources.memory >> 20];
-            let message =
-                format!("at least {needed} MiB of memory are needed, and {allowed} are allowed");
-            return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {needed}M or more")));
-        };
-        let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
-        let rest = rest - worker * (threads as u64 - 1);
-        let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
-        Ok(Self { threads, flow: Flow { record, round }, marks: needed + rest / 2 })
-    }
-
-    /// Bytes without which nothing can be done, and those of them for a thread.
-    fn least((record, extra): (usize, usize), [needed, looking]: [u64; 2]) -> [u64; 2] {
-        let chunk = (CHUNK * record) as u64;
-        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(looking);
-        [PROGRAM + worker + 4 * chunk + needed, worker]
-    }
-
-    /// For the columns of an octree: bytes of one that is held, and of all that wait.
-    fn columns(&self) -> [u64; 2] {
-        [self.marks / 32, self.marks / 4]
-    }
-}
 
 /// Writes the points. Nothing appears under the output's name unless it succeeds.
 ///

@@ -1,0 +1,60 @@
+//! How the memory of a job on points is divided.
+
+use crate::Resources;
+use crate::memory::PROGRAM;
+use crate::records::Flow;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud::write::CHUNK;
+
+/// Memory of a thread for reading, beside the records it hands on; and more for each extra byte, as a compressed one
+/// has models of its own in every channel of a scanner.
+const READING: u64 = 4 << 20;
+const READING_EXTRA: u64 = 4 << 10;
+/// Chunks that a thread holds while it packs one: its records, the same compressed, and the compressor's.
+const PACKING: u64 = 4;
+/// Most bytes of the records of a round, for each thread.
+const ROUND: u64 = 16 << 20;
+
+/// How the memory is divided.
+pub(super) struct Shares {
+    pub(super) threads: usize,
+    pub(super) flow: Flow,
+    /// Bytes for what is looked at before.
+    pub(super) marks: u64,
+}
+
+impl Shares {
+    /// For records of so many bytes, some of them extra, beside so many that what is looked at before needs, and
+    /// each thread for it.
+    pub(super) fn new(
+        resources: &Resources,
+        (record, extra): (usize, usize),
+        [needed, looking]: [u64; 2],
+    ) -> Result<Self> {
+        let chunk = (CHUNK * record) as u64;
+        let [least, worker] = Self::least((record, extra), [needed, looking]);
+        let Some(rest) = resources.memory.checked_sub(least) else {
+            let [needed, allowed] = [least.div_ceil(1 << 20), resources.memory >> 20];
+            let message =
+                format!("at least {needed} MiB of memory are needed, and {allowed} are allowed");
+            return Err(Error::new(ErrorKind::Resource, message)
+                .remedy(format!("pass --memory {needed}M or more")));
+        };
+        let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
+        let rest = rest - worker * (threads as u64 - 1);
+        let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
+        Ok(Self { threads, flow: Flow { record, round }, marks: needed + rest / 2 })
+    }
+
+    /// Bytes without which nothing can be done, and those of them for a thread.
+    pub(super) fn least((record, extra): (usize, usize), [needed, looking]: [u64; 2]) -> [u64; 2] {
+        let chunk = (CHUNK * record) as u64;
+        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(looking);
+        [PROGRAM + worker + 4 * chunk + needed, worker]
+    }
+
+    /// For the columns of an octree: bytes of one that is held, and of all that wait.
+    pub(super) fn columns(&self) -> [u64; 2] {
+        [self.marks / 32, self.marks / 4]
+    }
+}
