@@ -35,7 +35,7 @@ use crate::grid::preset::{Metres, around};
 use crate::input::workers;
 use crate::plan::At;
 use crate::records::choice::{Choice, Chosen, needed};
-use crate::records::{Flow, Packer, Records};
+use crate::records::{Packer, Records};
 use crate::transform::{Transform, Transformed};
 use crate::{Cancel, Progress, Resources};
 pub use above::{Above, Classify, HeightsAs, Layers};
