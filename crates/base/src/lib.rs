@@ -9,6 +9,7 @@ pub mod digits;
 pub mod error;
 pub mod geom;
 pub mod limits;
+pub mod parameters;
 pub mod registry;
 
 pub use cancel::Cancel;

@@ -5,8 +5,12 @@
 //! whole set would have been given at once.
 
 use super::knit::{GHOST, Side, next, prev};
+use super::position::Position;
 use super::predicates::{Site, in_circle, orient};
 use super::triangulation::Triangulation;
+
+/// Ways to look at the sides of a triangle.
+const ORDERS: [[u32; 3]; 4] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
 impl Triangulation {
     /// The number of the triangle that holds a position: a walk from one that has this number, or is
@@ -15,16 +19,35 @@ impl Triangulation {
     /// walk begins with. `None` outside the hull.
     pub fn find(&self, at: Site, from: u32) -> Option<u32> {
         let at = self.relative(at);
+        self.walk(from, |[a, b]| match orient(a, b, at) {
+            0 => a > b,
+            side => side < 0,
+        })
+    }
+
+    /// The same for a finer position, one on a side being in the east of it (in the north, along x), as for
+    /// [`Finder`](super::Finder).
+    pub fn find_at(&self, at: Position, from: u32) -> Option<u32> {
+        let low = Position::of(self.ordered.low);
+        let at = Position { x: at.x - low.x, y: at.y - low.y };
+        self.walk(from, |[a, b]| !at.to(a).sees_left(at.to(b), false))
+    }
+
+    /// From triangle to triangle, each time over a side that the goal is beyond; `None` outside the hull. Where not
+    /// all sides are Delaunay, a walk that looks at them in one order may go in circles: this one throws dice.
+    fn walk(&self, from: u32, is_beyond: impl Fn([Site; 2]) -> bool) -> Option<u32> {
         let mut triangle = from;
         if self.is_ghost(triangle) {
             triangle = self.neighbours(triangle).into_iter().find(|t| !self.is_ghost(*t))?;
         }
-        let mut entered = GHOST;
+        let (mut entered, mut dice) = (GHOST, 0_u32);
         loop {
-            let beyond = |s: &u32| *s != entered && self.is_beyond(*s, at);
-            let Some(side) = (3 * triangle..3 * triangle + 3).find(beyond) else {
+            let beyond = |s: &u32| *s != entered && is_beyond(self.ends(*s));
+            let sides = ORDERS[(dice >> 30) as usize].map(|i| 3 * triangle + i);
+            let Some(side) = sides.into_iter().find(beyond) else {
                 return Some(triangle);
             };
+            dice = dice.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             entered = self.twin(side);
             triangle = entered / 3;
             if self.is_ghost(triangle) {
@@ -51,8 +74,24 @@ impl Triangulation {
         triangle: u32,
         changed: &mut impl FnMut(u32),
     ) -> bool {
+        self.insert_beside(at, id, triangle, |_| false, changed)
+    }
+
+    /// As [`insert`](Self::insert), but triangles that are `frozen`, which their corners tell, stay as they are: nothing
+    /// is done for a position within one or on its boundary either, and its sides are not flipped. A new triangle
+    /// must not be frozen before the next point comes. So the triangulation is that of constraints: of all with these
+    /// triangles in it the one that is Delaunay but for their sides.
+    pub fn insert_beside(
+        &mut self,
+        at: Site,
+        id: u32,
+        triangle: u32,
+        frozen: impl Fn([u32; 3]) -> bool,
+        changed: &mut impl FnMut(u32),
+    ) -> bool {
         let at = self.relative(at);
-        if !self.takes(triangle, at) {
+        let is_frozen = |all: &Self, triangle: u32| all.corners(triangle).is_some_and(&frozen);
+        if is_frozen(self, triangle) || !self.takes(triangle, at, |t| is_frozen(self, t)) {
             return false;
         }
         let site = self.ordered.sites.len() as u32;
@@ -61,7 +100,7 @@ impl Triangulation {
         let mut open = self.divide(triangle, site);
         open.iter().for_each(|s| changed(s / 3));
         while let Some(s) = open.pop() {
-            if self.is_to_flip(s, at) {
+            if self.is_to_flip(s, at) && !is_frozen(self, self.twin(s) / 3) {
                 changed(self.twin(s) / 3);
                 open.extend(self.flip(s));
             }
@@ -83,20 +122,13 @@ impl Triangulation {
         [s, next(s)].map(|s| self.site(self.from(s)))
     }
 
-    fn is_beyond(&self, s: u32, at: Site) -> bool {
-        let [a, b] = self.ends(s);
-        match orient(a, b, at) {
-            0 => a > b,
-            side => side < 0,
-        }
-    }
-
-    /// Whether a new site can be at a position of a triangle.
-    fn takes(&self, triangle: u32, at: Site) -> bool {
+    /// Whether a new site can be at a position of a triangle, where none may be on the side of one that is `frozen`.
+    fn takes(&self, triangle: u32, at: Site, frozen: impl Fn(u32) -> bool) -> bool {
         let is_free = |s: u32| {
-            let [a, b] = self.ends(s);
+            let ([a, b], twin) = (self.ends(s), self.twin(s));
             let side = orient(a, b, at);
-            a != at && (side > 0 || (side == 0 && self.from(prev(self.twin(s))) != GHOST))
+            let is_open = || self.from(prev(twin)) != GHOST && !frozen(twin / 3);
+            a != at && (side > 0 || (side == 0 && is_open()))
         };
         !self.is_ghost(triangle) && (3 * triangle..3 * triangle + 3).all(is_free)
     }

@@ -7,7 +7,8 @@
 //! position ([`Finder`]), for natural neighbour heights ([`Natural`]), or for all triangles that a
 //! block owns ([`stars`]). The answer is final, or a [`Needs`]: load that too (at most somewhat more
 //! at a time, for it shrinks as points come in) and ask again. The hull of all points must be known
-//! beforehand: [`Hull`]s of parts merge. [`Triangulation`] does all points at once, and can be added to.
+//! beforehand: [`Hull`]s of parts merge. [`Triangulation`] does all points at once, and can be added to;
+//! [`SpikeFree`] adds them from the highest down, and leaves out those below triangles that are frozen.
 
 mod bins;
 mod disc;
@@ -24,6 +25,7 @@ mod position;
 mod predicates;
 mod query;
 mod space;
+mod spikefree;
 mod stars;
 mod triangulation;
 
@@ -37,5 +39,6 @@ pub use position::{FRACTION, Position};
 pub use predicates::{Site, in_circle, orient};
 pub use query::{Finder, Found};
 pub use space::{Coverage, Loaded, Needs, Space, Window};
+pub use spikefree::{Freeze, SpikeFree};
 pub use stars::stars;
 pub use triangulation::{MOST_POINTS, Triangulation};

@@ -136,6 +136,17 @@ impl Triangulation {
     /// # Errors
     /// The first thing found wrong.
     pub fn validate(&self) -> std::result::Result<(), String> {
+        self.validate_beside(|_| false)
+    }
+
+    /// The same, but that sides of triangles that are `frozen` need not be Delaunay.
+    ///
+    /// # Errors
+    /// The first thing found wrong.
+    pub fn validate_beside(
+        &self,
+        frozen: impl Fn([u32; 3]) -> bool,
+    ) -> std::result::Result<(), String> {
         let positions = self.positions();
         if positions < 2 {
             return check(self.sides.is_empty(), || "triangles without sites".to_owned());
@@ -145,7 +156,7 @@ impl Triangulation {
         })?;
         let mut used = vec![false; positions];
         for s in 0..self.sides.len() as u32 {
-            self.validate_side(s)?;
+            self.validate_side(s, &frozen)?;
             if let Some(used) = used.get_mut(self.from(s) as usize) {
                 *used = true;
             }
@@ -153,8 +164,13 @@ impl Triangulation {
         check(used.iter().all(|&used| used), || "a site is in no triangle".to_owned())
     }
 
-    fn validate_side(&self, s: u32) -> std::result::Result<(), String> {
+    fn validate_side(
+        &self,
+        s: u32,
+        frozen: &impl Fn([u32; 3]) -> bool,
+    ) -> std::result::Result<(), String> {
         let twin = self.twin(s);
+        let is_fixed = || [s, twin].iter().any(|s| self.corners(s / 3).is_some_and(frozen));
         let meet = self.twin(twin) == s && self.from(twin) == self.from(next(s));
         check(meet && self.from(next(twin)) == self.from(s), || {
             format!("side {s} has a wrong twin")
@@ -166,7 +182,7 @@ impl Triangulation {
                     format!("the triangle of side {s} does not turn left")
                 })?;
                 let is_far = beyond == GHOST || !in_circle(a, b, c, self.site(beyond));
-                check(is_far, || format!("side {s} is not Delaunay"))
+                check(is_far || is_fixed(), || format!("side {s} is not Delaunay"))
             }
             None if self.from(prev(s)) == GHOST => self.validate_hull(s),
             None => Ok(()),

@@ -6,6 +6,7 @@
 //! statistics ([`METHODS`]) that are asked for, a [`Lattice`] where the cells lie.
 
 mod block;
+pub mod canopy;
 mod disc;
 mod fill;
 mod lattice;
@@ -20,6 +21,7 @@ mod tests;
 mod tests_of_subjects;
 
 pub use block::{Block, Units};
+pub use canopy::Canopy;
 pub use disc::{Scatter, Target};
 pub use fill::fill;
 pub use lattice::{Axis, Edges, Lattice, Unit};

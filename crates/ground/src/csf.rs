@@ -8,8 +8,9 @@
 
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::method::{Asked, Lattice, Method};
 use crate::surface::Ground;
+use terrane_base::parameters::Parameter;
 
 pub(crate) const METHOD: Method = Method {
     name: "csf",

@@ -21,5 +21,5 @@ mod surface;
 mod tin;
 
 pub use lows::{EMPTY, Lows, NO_POINT};
-pub use method::{Asked, Lattice, METHODS, Method, Parameter};
+pub use method::{Asked, Lattice, METHODS, Method};
 pub use surface::Ground;

@@ -5,7 +5,8 @@ use std::fmt;
 use super::lows::Lows;
 use super::surface::Ground;
 use super::{adaptive, csf, filter, ptd, smrf};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
+use terrane_base::parameters::{Parameter, Values};
 use terrane_base::registry::{Named, named};
 
 /// All methods. A new one is a file in this folder and a line here.
@@ -26,47 +27,6 @@ pub struct Method {
     /// How the plane is divided for it, points being so many metres apart.
     pub(crate) lattice: fn(&Asked, f64) -> Lattice,
     pub(crate) find: fn(&Asked, &Lows<'_>) -> Ground,
-}
-
-/// A parameter of a method, a number.
-#[derive(Debug)]
-pub struct Parameter {
-    /// Its name.
-    pub key: &'static str,
-    /// One line for the documentation, with the unit.
-    pub about: &'static str,
-    /// Its default.
-    pub default: f64,
-    /// Its least and its largest value.
-    pub range: [f64; 2],
-    /// True for whole numbers.
-    pub whole: bool,
-}
-
-impl Parameter {
-    pub(crate) const fn new(
-        key: &'static str,
-        default: f64,
-        range: [f64; 2],
-        about: &'static str,
-    ) -> Self {
-        Self { key, about, default, range, whole: false }
-    }
-
-    pub(crate) const fn whole(self) -> Self {
-        Self { whole: true, ..self }
-    }
-
-    fn allows(&self, value: f64) -> bool {
-        let [least, most] = self.range;
-        (least..=most).contains(&value) && (!self.whole || value.fract() == 0.0)
-    }
-
-    fn text(&self) -> String {
-        let [least, most] = self.range;
-        let kind = if self.whole { "a whole number " } else { "" };
-        format!("{}={} ({kind}from {least} to {most})", self.key, self.default)
-    }
 }
 
 /// The squares of cells that a method works in, and what each has to see.
@@ -96,14 +56,11 @@ impl Lattice {
     }
 }
 
-/// Most parameters of a method.
-const MOST: usize = 6;
-
 /// A method with its parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked {
     method: &'static Method,
-    values: [f64; MOST],
+    values: Values,
 }
 
 impl PartialEq for Asked {
@@ -120,12 +77,7 @@ impl Asked {
 
     /// A method with its defaults.
     pub const fn plain(method: &'static Method) -> Self {
-        let (mut values, mut i) = ([0.0; MOST], 0);
-        while i < method.parameters.len() {
-            values[i] = method.parameters[i].default;
-            i += 1;
-        }
-        Self { method, values }
+        Self { method, values: Values::usual(method.parameters) }
     }
 
     /// Reads a method as it is asked for: `csf:rigidness=2,cloth=1`.
@@ -135,39 +87,8 @@ impl Asked {
     /// out of its range.
     pub fn parse(text: &str) -> Result<Self> {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
-        let mut asked = Self::plain(named(METHODS, name.trim())?);
-        let mut given = [false; MOST];
-        for pair in parameters.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
-            let (at, value) = asked.pair(pair)?;
-            if std::mem::replace(&mut given[at], true) {
-                return Err(Error::usage(format!("\"{pair}\" is given twice")));
-            }
-            asked.values[at] = value;
-        }
-        Ok(asked)
-    }
-
-    /// The place and the value of a parameter "key=value".
-    fn pair(&self, pair: &str) -> Result<(usize, f64)> {
-        let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
-        let parameters = self.method.parameters;
-        let at = parameters.iter().position(|p| p.key.eq_ignore_ascii_case(key.trim()));
-        let value = value.trim().parse::<f64>().ok();
-        match at.zip(value).filter(|(at, value)| parameters[*at].allows(*value)) {
-            Some(found) => Ok(found),
-            None => Err(self.refusal(pair)),
-        }
-    }
-
-    fn refusal(&self, pair: &str) -> Error {
-        let error = Error::usage(format!("\"{pair}\" is no parameter of {}", self.name()));
-        match self.method.parameters {
-            [] => error.remedy(format!("{} takes none", self.name())),
-            some => {
-                let known: Vec<String> = some.iter().map(Parameter::text).collect();
-                error.remedy(format!("it takes {}", known.join(", ")))
-            }
-        }
+        let method = named(METHODS, name.trim())?;
+        Ok(Self { method, values: Values::parse(method.name, method.parameters, parameters)? })
     }
 
     /// The name of the method.
@@ -177,8 +98,7 @@ impl Asked {
 
     /// The value of a parameter; NaN where there is no such.
     pub(crate) fn value(&self, key: &str) -> f64 {
-        let at = self.method.parameters.iter().position(|p| p.key == key);
-        at.map_or(f64::NAN, |at| self.values[at])
+        self.values.get(self.method.parameters, key)
     }
 
     /// How the plane is divided, points being `spacing` metres apart.
@@ -195,11 +115,7 @@ impl Asked {
 impl fmt::Display for Asked {
     /// As [`parse`](Asked::parse) reads it, with all parameters.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())?;
-        let pairs = self.method.parameters.iter().zip(self.values).enumerate();
-        pairs.into_iter().try_for_each(|(i, (parameter, value))| {
-            write!(f, "{}{}={value}", if i == 0 { ':' } else { ',' }, parameter.key)
-        })
+        self.values.write(self.name(), self.method.parameters, f)
     }
 }
 
@@ -227,7 +143,7 @@ mod tests {
         assert_eq!(Asked::parse("filter").unwrap(), Asked::FILTER);
         assert_ne!(asked, Asked::parse("csf").unwrap());
         for method in METHODS {
-            assert!(method.parameters.len() <= MOST, "{}", method.name);
+            assert!(method.parameters.len() <= terrane_base::parameters::MOST, "{}", method.name);
             assert!(method.parameters.iter().all(|p| p.allows(p.default)), "{}", method.name);
             let plain = Asked::plain(method);
             assert_eq!(Asked::parse(method.name).unwrap(), plain);

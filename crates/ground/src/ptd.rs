@@ -5,8 +5,9 @@
 
 use crate::densify::{Cells, Limits, WIDEST, densified};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::method::{Asked, Lattice, Method};
 use crate::surface::Ground;
+use terrane_base::parameters::Parameter;
 
 pub(crate) const METHOD: Method = Method {
     name: "ptd",

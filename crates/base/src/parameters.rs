@@ -1,0 +1,200 @@
+//! Numbers that things of a registry take after their name: `csf:rigidness=2,cloth=0.5`.
+
+use std::fmt;
+
+use crate::error::{Error, Result};
+
+/// A parameter, a number.
+#[derive(Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub key: &'static str,
+    /// One line for the documentation, with the unit.
+    pub about: &'static str,
+    /// Its default; NaN where that depends on the data.
+    pub default: f64,
+    /// Its least and its largest value.
+    pub range: [f64; 2],
+    /// True for whole numbers.
+    pub whole: bool,
+}
+
+/// What stands for a value that depends on the data.
+const AUTO: &str = "auto";
+
+impl Parameter {
+    /// Any number of a range, both ends included.
+    pub const fn new(
+        key: &'static str,
+        default: f64,
+        range: [f64; 2],
+        about: &'static str,
+    ) -> Self {
+        Self { key, about, default, range, whole: false }
+    }
+
+    /// The same for whole numbers.
+    pub const fn whole(self) -> Self {
+        Self { whole: true, ..self }
+    }
+
+    /// It as it is written where nothing else is asked for: `cloth=1`.
+    pub fn usual(&self) -> String {
+        self.with(self.default)
+    }
+
+    /// Whether a value is one of it.
+    pub fn allows(&self, value: f64) -> bool {
+        let [least, most] = self.range;
+        let is_auto = value.is_nan() && self.default.is_nan();
+        is_auto || ((least..=most).contains(&value) && (!self.whole || value.fract() == 0.0))
+    }
+
+    /// A value from its text, if it may be that.
+    fn parse(&self, text: &str) -> Option<f64> {
+        let value = match text.eq_ignore_ascii_case(AUTO) {
+            true => f64::NAN,
+            false => text.parse().ok().filter(|value: &f64| !value.is_nan())?,
+        };
+        self.allows(value).then_some(value)
+    }
+
+    fn with(&self, value: f64) -> String {
+        match value.is_nan() {
+            true => format!("{}={AUTO}", self.key),
+            false => format!("{}={value}", self.key),
+        }
+    }
+
+    fn text(&self) -> String {
+        let [least, most] = self.range;
+        let kind = if self.whole { "a whole number " } else { "" };
+        format!("{} ({kind}from {least} to {most})", self.usual())
+    }
+}
+
+/// Most parameters of a thing.
+pub const MOST: usize = 6;
+
+/// Values of the parameters of a thing, in their order.
+#[derive(Clone, Copy, Debug)]
+pub struct Values([f64; MOST]);
+
+impl PartialEq for Values {
+    /// A value that depends on the data is the same as another such.
+    fn eq(&self, other: &Self) -> bool {
+        self.0.map(f64::to_bits) == other.0.map(f64::to_bits)
+    }
+}
+
+impl Values {
+    /// The defaults.
+    pub const fn usual(parameters: &[Parameter]) -> Self {
+        let (mut values, mut i) = ([0.0; MOST], 0);
+        while i < parameters.len() {
+            values[i] = parameters[i].default;
+            i += 1;
+        }
+        Self(values)
+    }
+
+    /// Reads those of the thing of this name: `rigidness=2,cloth=0.5`; what is not given has its default.
+    ///
+    /// # Errors
+    /// Usage: a parameter that is not known (the known ones are told), one twice, or a value out of its range.
+    pub fn parse(name: &str, parameters: &[Parameter], text: &str) -> Result<Self> {
+        let (mut values, mut given) = (Self::usual(parameters), [false; MOST]);
+        for pair in text.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
+            let (at, value) =
+                value_of(parameters, pair).ok_or_else(|| refusal(name, parameters, pair))?;
+            if std::mem::replace(&mut given[at], true) {
+                return Err(Error::usage(format!("\"{pair}\" is given twice")));
+            }
+            values.0[at] = value;
+        }
+        Ok(values)
+    }
+
+    /// That of a parameter; NaN where there is no such, or where it depends on the data.
+    pub fn get(&self, parameters: &[Parameter], key: &str) -> f64 {
+        let at = parameters.iter().position(|p| p.key == key);
+        at.map_or(f64::NAN, |at| self.0[at])
+    }
+
+    /// Writes the name and all values, as they are read.
+    ///
+    /// # Errors
+    /// Those of what is written to.
+    pub fn write(
+        &self,
+        name: &str,
+        parameters: &[Parameter],
+        f: &mut fmt::Formatter<'_>,
+    ) -> fmt::Result {
+        f.write_str(name)?;
+        parameters.iter().zip(self.0).enumerate().try_for_each(|(i, (parameter, value))| {
+            write!(f, "{}{}", if i == 0 { ':' } else { ',' }, parameter.with(value))
+        })
+    }
+}
+
+/// The place and the value of a parameter "key=value".
+fn value_of(parameters: &[Parameter], pair: &str) -> Option<(usize, f64)> {
+    let (key, value) = pair.split_once('=')?;
+    let at = parameters.iter().position(|p| p.key.eq_ignore_ascii_case(key.trim()))?;
+    Some((at, parameters[at].parse(value.trim())?))
+}
+
+fn refusal(name: &str, parameters: &[Parameter], pair: &str) -> Error {
+    let error = Error::usage(format!("\"{pair}\" is no parameter of {name}"));
+    match parameters {
+        [] => error.remedy(format!("{name} takes none")),
+        some => {
+            let known: Vec<String> = some.iter().map(Parameter::text).collect();
+            error.remedy(format!("it takes {}", known.join(", ")))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOME: &[Parameter] = &[
+        Parameter::new("edge", f64::NAN, [0.0, 9.0], "by the data"),
+        Parameter::new("rounds", 3.0, [1.0, 5.0], "how often").whole(),
+    ];
+
+    struct Told(Values);
+
+    impl fmt::Display for Told {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            self.0.write("tool", SOME, f)
+        }
+    }
+
+    #[test]
+    fn values_are_read_as_they_are_written() {
+        let read = |text: &str| Values::parse("tool", SOME, text).unwrap();
+        assert_eq!(read(""), Values::usual(SOME));
+        assert_eq!(Told(read("")).to_string(), "tool:edge=auto,rounds=3");
+        assert_eq!(read("edge=AUTO,rounds=3"), read(""));
+        let given = read("rounds = 5, EDGE=0.5");
+        assert_eq!((given.get(SOME, "edge"), given.get(SOME, "rounds")), (0.5, 5.0));
+        assert!(read("").get(SOME, "edge").is_nan() && given.get(SOME, "other").is_nan());
+        assert_ne!(given, read(""));
+        assert_eq!(Told(given).to_string(), "tool:edge=0.5,rounds=5");
+    }
+
+    #[test]
+    fn what_is_no_value_is_told_with_what_is() {
+        let told = |text: &str| Values::parse("tool", SOME, text).unwrap_err().to_string();
+        for wrong in ["edge=-1", "edge=nan", "edge", "rounds=auto", "rounds=1.5", "side=1"] {
+            let told = told(wrong);
+            assert!(told.contains("edge=auto (from 0 to 9), rounds=3 (a whole number"), "{told}");
+        }
+        assert!(told("edge=1,edge=1").contains("twice"));
+        let none = Values::parse("spade", &[], "edge=1").unwrap_err().to_string();
+        assert!(none.contains("spade takes none"), "{none}");
+    }
+}

@@ -1,0 +1,180 @@
+//! A surface of all returns without spikes: points are added from the highest down, and triangles freeze.
+//!
+//! After Khosravipour, Skidmore & Isenburg, "Generating spike-free digital surface models using LiDAR raw point
+//! clouds: a new approach for forestry applications" (2016). Returns from deep in a crown, or from the ground below
+//! it, leave spikes in a triangulation. So points come in the order of their heights. A triangle with no edge longer
+//! than some length is *frozen* once the points to come are lower than its lowest corner by more than some buffer:
+//! it takes no point, and its sides are flipped no more.
+//!
+//! Whether a triangle is frozen is a function of its corners and of how low the points have come, so nothing is
+//! noted: one that is frozen stays in the triangulation, and frozen.
+
+use std::cmp::Reverse;
+
+use super::position::Position;
+use super::predicates::Site;
+use super::query::from_lowest;
+use super::space::Window;
+use super::triangulation::Triangulation;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Point, is_within};
+
+/// When a triangle is frozen, in the unit of `step`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Freeze {
+    /// Its longest edge, across, is no longer than this.
+    pub edge: f64,
+    /// Its lowest corner is higher than the points to come by more than this, 0 at least.
+    pub buffer: f64,
+    /// Sizes of steps.
+    pub step: [f64; 3],
+}
+
+impl Freeze {
+    /// Whether a triangle is small enough.
+    fn is_small(&self, [a, b, c]: &[Point; 3]) -> bool {
+        let [x, y, _] = self.step;
+        [(a, b), (b, c), (c, a)].into_iter().all(|(p, q)| is_within(*p, *q, [x, y], self.edge))
+    }
+
+    /// Whether a triangle is frozen for points that are no higher than `z`.
+    fn holds(&self, corners: &[Point; 3], z: i32) -> bool {
+        let [a, b, c] = corners.map(|p| i64::from(p.z));
+        let above = a.min(b).min(c) - i64::from(z);
+        above as f64 * self.step[2] > self.buffer && self.is_small(corners)
+    }
+}
+
+/// Vertices around the points, which the first triangles have: they are as far away as the window is wide, so
+/// triangles of all but the border have none of them.
+const FRAME: usize = 4;
+/// Steps along the widest window: the frame reaches as far on both sides.
+const WIDEST: i64 = terrane_base::geom::REACH as i64 / 2;
+
+/// The spike-free triangulation of the points of a window.
+///
+/// It is a function of the set of points, whatever their order: equally high ones come by x, then y, and of
+/// several at one (x, y) the highest counts. n log n for points that lie evenly; about 90 bytes a point.
+#[derive(Debug)]
+pub struct SpikeFree {
+    /// From the window's corner on, the frame first.
+    points: Vec<Point>,
+    triangulation: Triangulation,
+    freeze: Freeze,
+    low: Site,
+}
+
+impl SpikeFree {
+    /// Triangulates points, all of which lie in `window`.
+    ///
+    /// # Errors
+    /// A limit: a window wider than 2^28 steps.
+    pub fn new(points: Vec<Point>, window: &Window, freeze: Freeze) -> Result<Self> {
+        let side = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]) + 1;
+        let side = side(0).max(side(1));
+        if side > WIDEST {
+            let what = "steps along a square of a spike-free surface";
+            return Err(Error::limit(what, side as u64, WIDEST as u64));
+        }
+        let (side, low) = (side as i32, window.low);
+        let frame = [[-side, -side], [2 * side, -side], [-side, 2 * side], [2 * side, 2 * side]];
+        let frame = frame.map(|[x, y]| Point::new(x, y, 0));
+        let mut points = sorted(points);
+        points.iter_mut().for_each(|p| (p.x, p.y) = (p.x - low[0], p.y - low[1]));
+        let mut triangulation = Triangulation::new(&frame)?;
+        triangulation.reserve(points.len());
+        let mut hints = Hints::new(side, points.len());
+        points.reserve_exact(FRAME);
+        points.splice(..0, frame);
+        let mut made = Self { points, triangulation, freeze, low };
+        (FRAME..made.points.len()).for_each(|number| made.add(number, &mut hints));
+        Ok(made)
+    }
+
+    fn add(&mut self, number: usize, hints: &mut Hints) {
+        let Self { points, triangulation, freeze, .. } = self;
+        let point = points[number];
+        let at = [point.x, point.y];
+        let Some(triangle) = triangulation.find(at, hints.near(at)) else { return };
+        let frozen = |ids: [u32; 3]| {
+            let is_of_frame = ids.iter().any(|id| (*id as usize) < FRAME);
+            !is_of_frame && freeze.holds(&ids.map(|id| points[id as usize]), point.z)
+        };
+        triangulation.insert_beside(at, number as u32, triangle, frozen, &mut |_| {});
+        hints.note(at, triangle);
+    }
+
+    /// The corners of the triangle that holds a position, from the lowest (x, then y) on, and whether it is as
+    /// small as those that are frozen; `None` beyond the points, or near their border. The walk begins at the triangle
+    /// `last`, and leaves there the one it ends at: 0 for the first.
+    pub fn find(&self, at: Position, last: &mut u32) -> Option<([Point; 3], bool)> {
+        let low = Position::of(self.low);
+        let at = Position { x: at.x - low.x, y: at.y - low.y };
+        let triangle = self.triangulation.find_at(at, *last)?;
+        *last = triangle;
+        let ids = self.triangulation.corners(triangle)?;
+        let corners = ids.map(|id| self.points[id as usize]);
+        let is_whole = ids.iter().all(|id| *id as usize >= FRAME);
+        let place = |p: Point| Point { x: p.x + self.low[0], y: p.y + self.low[1], ..p };
+        is_whole.then(|| (from_lowest(corners.map(place)), self.freeze.is_small(&corners)))
+    }
+}
+
+/// From the highest down, then by x, then y; of several at one position the highest.
+fn sorted(mut points: Vec<Point>) -> Vec<Point> {
+    points.sort_unstable_by_key(|p| (p.x, p.y, Reverse(p.z)));
+    points.dedup_by_key(|p| (p.x, p.y));
+    points.sort_unstable_by_key(|p| (Reverse(p.z), p.x, p.y));
+    points
+}
+
+/// Where walks begin: a triangle that was near each square of the plane. Squares are halves of those of the level
+/// before, down to two points or so.
+struct Hints {
+    /// Of each level but the first, which is one square, the squares row by row.
+    levels: Vec<Vec<u32>>,
+    /// Bits of a coordinate.
+    bits: u32,
+}
+
+/// No triangle was near a square.
+const NOWHERE: u32 = u32::MAX;
+/// Most levels.
+const DEEPEST: u32 = 12;
+
+impl Hints {
+    fn new(side: i32, points: usize) -> Self {
+        let bits = 32 - side.leading_zeros();
+        let depth = (points / 2 + 1).ilog2().div_ceil(2).min(bits).min(DEEPEST);
+        let level = |level: u32| vec![NOWHERE; 1 << (2 * level)];
+        Self { levels: (1..=depth).map(level).collect(), bits }
+    }
+
+    /// The square of a level that holds a site.
+    fn square(&self, level: usize, [x, y]: Site) -> usize {
+        let level = level as u32 + 1;
+        let at = |v: i32| (v >> (self.bits - level)) as usize;
+        (at(y) << level) + at(x)
+    }
+
+    /// A triangle near a site, that of the finest square that has one.
+    fn near(&self, at: Site) -> u32 {
+        let hint = |level: usize| self.levels[level][self.square(level, at)];
+        let mut hints = (0..self.levels.len()).rev().map(hint);
+        hints.find(|hint| *hint != NOWHERE).unwrap_or(0)
+    }
+
+    /// Notes a triangle for the squares around a site: the finest, and those that have none yet.
+    fn note(&mut self, at: Site, triangle: u32) {
+        for level in (0..self.levels.len()).rev() {
+            let square = self.square(level, at);
+            let before = std::mem::replace(&mut self.levels[level][square], triangle);
+            if before != NOWHERE {
+                break;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,195 @@
+//! How a surface of what is seen from above gets rid of the returns from deep in crowns: methods by name.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::parameters::{Parameter, Values};
+use terrane_base::registry::{Named, named};
+
+/// All methods. The first is taken where none is named.
+pub const METHODS: &[Method] = &[PIT_FREE, SPIKE_FREE];
+
+const PIT_FREE: Method = Method {
+    name: "pit-free",
+    source: "Khosravipour and others 2014",
+    about: "triangulations of the first returns above several heights, the highest of which counts",
+    parameters: &[],
+    kind: Kind::PitFree,
+};
+
+const SPIKE_FREE: Method = Method {
+    name: "spike-free",
+    source: "Khosravipour and others 2016",
+    about: "all returns from the highest down; small triangles freeze, and take no lower ones",
+    parameters: &[
+        Parameter::new(
+            "freeze",
+            f64::NAN,
+            [0.0, 1000.0],
+            "longest edge of triangles that freeze, metres; three times the spacing of pulses for auto",
+        ),
+        Parameter::new(
+            "buffer",
+            0.5,
+            [0.0, 1000.0],
+            "how much lower the returns to come are when they freeze, metres",
+        ),
+    ],
+    kind: Kind::SpikeFree,
+};
+
+/// One method of the registry.
+#[derive(Debug)]
+pub struct Method {
+    /// Name for `--canopy`, unique.
+    pub name: &'static str,
+    /// Where it was published.
+    pub source: &'static str,
+    /// One line for the documentation.
+    pub about: &'static str,
+    /// What may follow its name.
+    pub parameters: &'static [Parameter],
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    PitFree,
+    SpikeFree,
+}
+
+/// What is to be done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Way {
+    /// As in [`PitFree`](super::pitfree::PitFree).
+    PitFree,
+    /// Triangles freeze.
+    SpikeFree {
+        /// Longest edge of those that do, in metres; `None` for three times the spacing of pulses.
+        freeze: Option<f64>,
+        /// How much lower points to come have to be than their lowest corner, in metres.
+        buffer: f64,
+    },
+}
+
+/// A method with its parameters.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub struct Canopy {
+    method: &'static Method,
+    values: Values,
+}
+
+impl Canopy {
+    /// The name of the method.
+    pub fn name(&self) -> &'static str {
+        self.method.name
+    }
+
+    /// What it is to do.
+    pub fn way(&self) -> Way {
+        let value = |key| self.values.get(self.method.parameters, key);
+        match self.method.kind {
+            Kind::PitFree => Way::PitFree,
+            Kind::SpikeFree => Way::SpikeFree {
+                freeze: Some(value("freeze")).filter(|freeze| !freeze.is_nan()),
+                buffer: value("buffer"),
+            },
+        }
+    }
+
+    /// True for the method that is taken where none is named.
+    pub fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl Default for Canopy {
+    fn default() -> Self {
+        Self { method: &METHODS[0], values: Values::usual(METHODS[0].parameters) }
+    }
+}
+
+impl PartialEq for Canopy {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name() && self.values == other.values
+    }
+}
+
+impl FromStr for Canopy {
+    type Err = Error;
+
+    /// A method as it is asked for: `spike-free:freeze=1.5`.
+    fn from_str(text: &str) -> Result<Self> {
+        let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
+        let method = named(METHODS, name.trim())?;
+        Ok(Self { method, values: Values::parse(method.name, method.parameters, parameters)? })
+    }
+}
+
+impl fmt::Display for Canopy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.values.write(self.name(), self.method.parameters, f)
+    }
+}
+
+impl From<Canopy> for String {
+    fn from(canopy: Canopy) -> Self {
+        canopy.to_string()
+    }
+}
+
+impl TryFrom<String> for Canopy {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
+    }
+}
+
+impl Named for Method {
+    const KIND: &'static str = "canopy method";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_are_read_as_they_are_written() {
+        let read = |text: &str| text.parse::<Canopy>().unwrap();
+        assert!(read("Pit-Free").is_usual() && read("pit-free").way() == Way::PitFree);
+        let usual = Way::SpikeFree { freeze: None, buffer: 0.5 };
+        assert_eq!(read("spike-free").way(), usual);
+        assert_eq!(read("spike-free:freeze=auto").way(), usual);
+        let given = read("spike-free:buffer=0.25,freeze=2");
+        assert_eq!(given.way(), Way::SpikeFree { freeze: Some(2.0), buffer: 0.25 });
+        assert_eq!(
+            read("spike-free:freeze=0").way(),
+            Way::SpikeFree { freeze: Some(0.0), buffer: 0.5 }
+        );
+        for method in METHODS {
+            let plain = read(method.name);
+            assert_eq!(read(&plain.to_string()), plain, "{plain}");
+            assert!(method.parameters.iter().all(|p| p.allows(p.default)), "{plain}");
+        }
+        assert_eq!(read(&given.to_string()), given);
+        assert!(given != read("spike-free") && !given.is_usual());
+    }
+
+    #[test]
+    fn what_is_no_method_is_told_with_those_there_are() {
+        let told = |text: &str| text.parse::<Canopy>().unwrap_err().to_string();
+        assert!(METHODS.iter().all(|m| told("moss").contains(m.name)), "{}", told("moss"));
+        assert!(told("spike-free:freeze=-1").contains("freeze=auto (from 0 to 1000)"));
+        assert!(told("spike-free:buffer=auto").contains("buffer=0.5"));
+        assert!(told("pit-free:freeze=1").contains("takes none"));
+    }
+}
