@@ -46,18 +46,18 @@ impl Freeze {
 }
 
 /// Vertices around the points, which the first triangles have: they are as far away as the window is wide, so
-/// triangles of all but the border have none of them.
-const FRAME: usize = 4;
+/// triangles of all but the border have none of them. Their numbers come before those of the points.
+const FRAME: u32 = 4;
 /// Steps along the widest window: the frame reaches as far on both sides.
 const WIDEST: i64 = terrane_base::geom::REACH as i64 / 2;
 
 /// The spike-free triangulation of the points of a window.
 ///
 /// It is a function of the set of points, whatever their order: equally high ones come by x, then y, and of
-/// several at one (x, y) the highest counts. n log n for points that lie evenly; about 90 bytes a point.
+/// several at one (x, y) the highest counts. n log n for points that lie evenly; about 80 bytes a point.
 #[derive(Debug)]
 pub struct SpikeFree {
-    /// From the window's corner on, the frame first.
+    /// From the window's corner on.
     points: Vec<Point>,
     triangulation: Triangulation,
     freeze: Freeze,
@@ -68,7 +68,7 @@ impl SpikeFree {
     /// Triangulates points, all of which lie in `window`.
     ///
     /// # Errors
-    /// A limit: a window wider than 2^28 steps.
+    /// A limit: a window of 2^28 steps or more along a side.
     pub fn new(points: Vec<Point>, window: &Window, freeze: Freeze) -> Result<Self> {
         let side = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]) + 1;
         let side = side(0).max(side(1));
@@ -77,47 +77,51 @@ impl SpikeFree {
             return Err(Error::limit(what, side as u64, WIDEST as u64));
         }
         let (side, low) = (side as i32, window.low);
-        let frame = [[-side, -side], [2 * side, -side], [-side, 2 * side], [2 * side, 2 * side]];
-        let frame = frame.map(|[x, y]| Point::new(x, y, 0));
         let mut points = sorted(points);
         points.iter_mut().for_each(|p| (p.x, p.y) = (p.x - low[0], p.y - low[1]));
-        let mut triangulation = Triangulation::new(&frame)?;
+        let mut triangulation = Triangulation::new(&frame(side))?;
         triangulation.reserve(points.len());
-        let mut hints = Hints::new(side, points.len());
-        points.reserve_exact(FRAME);
-        points.splice(..0, frame);
         let mut made = Self { points, triangulation, freeze, low };
-        (FRAME..made.points.len()).for_each(|number| made.add(number, &mut hints));
+        let mut hints = Hints::new(side, made.points.len());
+        (0..made.points.len() as u32).for_each(|number| made.add(number, &mut hints));
         Ok(made)
     }
 
-    fn add(&mut self, number: usize, hints: &mut Hints) {
+    fn add(&mut self, number: u32, hints: &mut Hints) {
         let Self { points, triangulation, freeze, .. } = self;
-        let point = points[number];
+        let point = points[number as usize];
         let at = [point.x, point.y];
         let Some(triangle) = triangulation.find(at, hints.near(at)) else { return };
         let frozen = |ids: [u32; 3]| {
-            let is_of_frame = ids.iter().any(|id| (*id as usize) < FRAME);
-            !is_of_frame && freeze.holds(&ids.map(|id| points[id as usize]), point.z)
+            corners(points, ids).is_some_and(|corners| freeze.holds(&corners, point.z))
         };
-        triangulation.insert_beside(at, number as u32, triangle, frozen, &mut |_| {});
+        triangulation.insert_beside(at, FRAME + number, triangle, frozen, &mut |_| {});
         hints.note(at, triangle);
     }
 
     /// The corners of the triangle that holds a position, from the lowest (x, then y) on, and whether it is as
-    /// small as those that are frozen; `None` beyond the points, or near their border. The walk begins at the triangle
+    /// small as those that freeze; `None` beyond the points, or near their border. The walk begins at the triangle
     /// `last`, and leaves there the one it ends at: 0 for the first.
     pub fn find(&self, at: Position, last: &mut u32) -> Option<([Point; 3], bool)> {
         let low = Position::of(self.low);
         let at = Position { x: at.x - low.x, y: at.y - low.y };
-        let triangle = self.triangulation.find_at(at, *last)?;
-        *last = triangle;
-        let ids = self.triangulation.corners(triangle)?;
-        let corners = ids.map(|id| self.points[id as usize]);
-        let is_whole = ids.iter().all(|id| *id as usize >= FRAME);
+        *last = self.triangulation.find_at(at, *last)?;
+        let corners = corners(&self.points, self.triangulation.corners(*last)?)?;
         let place = |p: Point| Point { x: p.x + self.low[0], y: p.y + self.low[1], ..p };
-        is_whole.then(|| (from_lowest(corners.map(place)), self.freeze.is_small(&corners)))
+        Some((from_lowest(corners.map(place)), self.freeze.is_small(&corners)))
     }
+}
+
+/// The vertices around a window.
+fn frame(side: i32) -> [Point; FRAME as usize] {
+    let [near, far] = [-side, 2 * side];
+    [[near, near], [far, near], [near, far], [far, far]].map(|[x, y]| Point::new(x, y, 0))
+}
+
+/// The corners of a triangle; `None` for one that has a vertex of the frame.
+fn corners(points: &[Point], ids: [u32; 3]) -> Option<[Point; 3]> {
+    let is_whole = ids.iter().all(|id| *id >= FRAME);
+    is_whole.then(|| ids.map(|id| points[(id - FRAME) as usize]))
 }
 
 /// From the highest down, then by x, then y; of several at one position the highest.

@@ -39,7 +39,8 @@ impl Slow {
             };
             let is_small = !long(a, b) && !long(b, c) && !long(c, a);
             let above = f64::from(a.z.min(b.z).min(c.z) - p.z) * freeze.step[2];
-            *is_frozen |= corners.iter().all(|i| *i >= FRAME) && is_small && above > freeze.buffer;
+            *is_frozen |=
+                corners.iter().all(|i| *i >= FRAME as usize) && is_small && above > freeze.buffer;
         }
         let side = |a: usize, b: usize| orient(site(self.points[a]), site(self.points[b]), site(p));
         let holds = |[a, b, c]: [usize; 3]| side(a, b) >= 0 && side(b, c) >= 0 && side(c, a) >= 0;
@@ -97,22 +98,31 @@ fn made(points: &[Point], freeze: Freeze) -> SpikeFree {
     let window = Window::of(points.iter().map(|p| site(*p))).unwrap();
     let made = SpikeFree::new(points.to_vec(), &window, freeze).unwrap();
     let lowest = points.iter().map(|p| p.z).min().unwrap();
-    let frozen = |ids: [u32; 3]| freeze.holds(&ids.map(|id| made.points[id as usize]), lowest);
+    let frozen = |ids: [u32; 3]| {
+        corners(&made.points, ids).is_some_and(|corners| freeze.holds(&corners, lowest))
+    };
     made.triangulation.validate_beside(frozen).unwrap();
     made
 }
 
-fn triangles(made: &SpikeFree) -> Vec<[Point; 3]> {
-    let all = made.triangulation.triangles();
-    turned(all.map(|ids| ids.map(|id| made.points[id as usize])))
+/// The frame around points, and the points.
+fn vertices(made: &SpikeFree, points: &[Point]) -> Vec<Point> {
+    let window = Window::of(points.iter().map(|p| site(*p))).unwrap();
+    let side = (0..2).map(|i| window.high[i] - window.low[i] + 1).max().unwrap();
+    [&frame(side)[..], &made.points].concat()
+}
+
+fn triangles(made: &SpikeFree, points: &[Point]) -> Vec<[Point; 3]> {
+    let vertices = vertices(made, points);
+    turned(made.triangulation.triangles().map(|ids| ids.map(|id| vertices[id as usize])))
 }
 
 fn check_twin(name: &str, points: &[Point], freeze: Freeze) -> usize {
     let fast = made(points, freeze);
     let place = |p: &Point| Point::new(p.x - fast.low[0], p.y - fast.low[1], p.z);
     let local: Vec<Point> = points.iter().map(place).collect();
-    let slow = Slow::new(&fast.points[..FRAME], &local, &freeze);
-    assert_eq!(triangles(&fast), slow.triangles(), "{name} {freeze:?}");
+    let slow = Slow::new(&vertices(&fast, points)[..FRAME as usize], &local, &freeze);
+    assert_eq!(triangles(&fast, points), slow.triangles(), "{name} {freeze:?}");
     slow.triangles.iter().filter(|(_, is_frozen)| *is_frozen).count()
 }
 
@@ -145,10 +155,10 @@ proptest! {
             points.into_iter().map(|(x, y, z)| Point::new(x - 5, y + 3, z)).collect();
         let freeze = Freeze { edge, buffer, step: [1.0, 1.25, 0.5] };
         check_twin("crowded", &points, freeze);
-        let before = triangles(&made(&points, freeze));
+        let before = triangles(&made(&points, freeze), &points);
         let mut dice = Dice(seed);
         (1..points.len()).rev().for_each(|i| points.swap(i, dice.below(i as i32 + 1) as usize));
-        prop_assert_eq!(triangles(&made(&points, freeze)), before);
+        prop_assert_eq!(triangles(&made(&points, freeze), &points), before);
     }
 }
 
@@ -159,9 +169,10 @@ fn without_freezing_it_is_the_plain_triangulation() {
             let points: Vec<Point> =
                 points.into_iter().map(|p| Point::new(p.x / 4, p.y / 4, p.z)).collect();
             let made = made(&points, Freeze { edge: 0.0, buffer: 0.0, step: [1.0; 3] });
-            let plain = Triangulation::new(&made.points).unwrap();
-            let plain = plain.triangles().map(|ids| ids.map(|id| made.points[id as usize]));
-            assert_eq!(triangles(&made), turned(plain), "{name} {n}");
+            let vertices = vertices(&made, &points);
+            let plain = Triangulation::new(&vertices).unwrap();
+            let plain = plain.triangles().map(|ids| ids.map(|id| vertices[id as usize]));
+            assert_eq!(triangles(&made, &points), turned(plain), "{name} {n}");
         }
     }
 }
@@ -223,7 +234,11 @@ fn noise_below_the_buffer_is_kept_and_walls_stand() {
     });
     let with = |edge| made(&points, Freeze { edge, buffer: 0.5, step: METRES });
     let (free, plain) = (with(3.0), with(0.0));
-    assert_eq!(free.points.len(), free.triangulation.positions(), "no point is left out");
+    assert_eq!(
+        free.points.len() + FRAME as usize,
+        free.triangulation.positions(),
+        "no point is left out"
+    );
     let mut beside = 0;
     for (col, row) in (0..50 * 50).map(|k| (500 + k % 50 * 100, 500 + k / 50 * 100)) {
         let at = [f64::from(col) / 100.0, f64::from(row) / 100.0];

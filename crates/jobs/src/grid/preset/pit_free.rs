@@ -22,7 +22,7 @@ struct Layer {
 }
 
 /// The triangulations; the first is of all first returns.
-pub(super) struct Canopy {
+pub(super) struct Layers {
     layers: Vec<Layer>,
     pits: PitFree,
     frame: Frame,
@@ -39,7 +39,7 @@ impl Layer {
     }
 }
 
-impl Canopy {
+impl Layers {
     /// Over the points of `first`, of which those high above `ground` are in further triangulations
     /// too; without `ground`, none is.
     pub(super) fn new(
