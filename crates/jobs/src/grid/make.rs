@@ -135,7 +135,9 @@ impl<'a> Maker<'a> {
         if let Some(preset) = job.preset {
             let reading = job.reading();
             let part = self.within.zip(self.seen);
-            let making = Making { job, reading, threads, memory, points, part, progress, cancel };
+            let extent = &self.extent;
+            let making =
+                Making { job, extent, reading, threads, memory, points, part, progress, cancel };
             let model = Model::new(preset, points.info(), &making)?;
             let fed = Fed { census: model.census, outside: 0 };
             return Ok((fed, Some(Heights::Model(Box::new(model)))));

@@ -33,6 +33,7 @@ pub use report::{BandReport, GridReport, GridStage};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
 use terrane_files::folder_for;
+pub use terrane_gridding::Canopy;
 use terrane_gridding::{self as gridding, Asked, Recipe, Rules};
 use terrane_raster::SampleType;
 use terrane_raster::write::{self, BandName, GridFormat, WriteOptions};
@@ -59,6 +60,9 @@ pub struct GridJob {
     pub preset: Option<Preset>,
     /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
     pub ground: GroundFrom,
+    /// How a preset of what is seen from above gets rid of returns from deep in crowns.
+    #[serde(default, skip_serializing_if = "Canopy::is_usual")]
+    pub canopy: Canopy,
     /// The name of a file with water, which is made level, for a model of the ground.
     #[serde(skip)]
     pub water: Option<String>,
@@ -110,6 +114,7 @@ impl GridJob {
             stats,
             preset: None,
             ground: GroundFrom::default(),
+            canopy: Canopy::default(),
             water: None,
             placement: Placement::new([cell; 2]),
             compat: Compat::None,

@@ -97,12 +97,26 @@ impl PointStore {
 
     /// The same store with the points of a cloud, read once.
     pub(crate) fn filled(self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Self> {
+        self.filled_and(source, filling, &|_| ())
+    }
+
+    /// The same; the points are handed to `also`, too.
+    pub(crate) fn filled_and(
+        self,
+        source: &dyn PointSource,
+        filling: &Filling<'_>,
+        also: &(dyn Fn(&[Point]) + Sync),
+    ) -> Result<Self> {
+        let add = |points: &[Point]| {
+            also(points);
+            self.add(points)
+        };
         let census = self.read_all(source, filling, &|batch| match filling.within {
-            None => self.add(batch),
+            None => add(batch),
             Some(window) => {
                 let near: Vec<_> =
                     batch.iter().filter(|p| window.contains([p.x, p.y])).copied().collect();
-                self.add(&near)
+                add(&near)
             }
         })?;
         Ok(Self { census, losses: Losses::of(source), ..self })

@@ -90,7 +90,8 @@ pub fn plan_grid(
     job.check()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = Extent::new(points.info(), job)?;
-    let seen = job.preset.map(|preset| look(preset, job, &*points, At { progress, cancel }));
+    let seen =
+        job.preset.map(|preset| look(preset, job, (&*points, &extent), At { progress, cancel }));
     let opened = Opened { job: job.clone(), points, extent, seen: seen.transpose()? };
     let grid = Grid::new(&opened, *cut)?;
     let files = grid.files(&*opened.points);
@@ -103,12 +104,13 @@ pub fn plan_grid(
 fn look(
     preset: Preset,
     job: &GridJob,
-    points: &dyn PointSource,
+    (points, extent): (&dyn PointSource, &Extent),
     At { progress, cancel }: At<'_>,
 ) -> Result<Seen> {
     let reading = job.reading();
     let Resources { threads, memory, .. } = job.resources;
-    let making = Making { job, reading, threads, memory, points, part: None, progress, cancel };
+    let part = None;
+    let making = Making { job, extent, reading, threads, memory, points, part, progress, cancel };
     Seen::look(preset, points.info(), &making)
 }
 

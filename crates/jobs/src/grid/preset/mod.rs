@@ -5,12 +5,15 @@
 //! from, tile by tile with its reach as a halo; first returns, and those high above the ground again in a
 //! store for each threshold. A triangle that counts in a higher store has short edges, so it is a
 //! triangle of the points near by, too: those that are long there are dropped without asking how far
-//! their discs reach.
+//! their discs reach. A surface that is spike-free instead is made of all returns, and defined on squares.
 
-mod canopy;
 pub(crate) mod filter;
 pub(crate) mod metres;
+mod pit_free;
 mod seen;
+mod spike_free;
+mod squares;
+mod top;
 
 use std::fmt;
 use std::path::Path;
@@ -25,25 +28,29 @@ use super::neighbours::Surfaces;
 use crate::points::{Filling, Limits, PointStore, Tiling};
 use crate::sift::Losses;
 use crate::{Cancel, Progress};
-use canopy::Canopy;
 pub(crate) use filter::{Filter, around, square_bytes};
 pub(crate) use metres::Metres;
+use pit_free::Layers;
 pub(crate) use seen::Seen;
+use spike_free::BySquare;
+use squares::{Squares, Tally};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_cloud::{
     self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, PointSource, Return,
 };
 use terrane_delaunay::Window;
+use terrane_gridding::canopy::Way;
 use terrane_gridding::{Asked, Statistic, Subject};
 use terrane_ground as ground;
+use top::Top;
 
 /// A model of the terrain that is made of the points it takes, instead of a statistic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Preset {
     /// The ground: its points, linear in their Delaunay triangulation.
     Dtm,
-    /// What is seen from above: first returns, linear in their triangulations, without pits.
+    /// What is seen from above, linear in triangulations, without the pits of crowns ([`GridJob::canopy`]).
     Dsm,
     /// The height of the second above the first, nowhere below 0.
     Chm,
@@ -164,12 +171,39 @@ pub(super) fn check(preset: Preset, job: &GridJob) -> Result<()> {
             --ground does not ask for";
         return Err(Error::usage(message).remedy("leave --class out, or pass --ground class"));
     }
-    Ok(())
+    check_canopy(preset, job)
+}
+
+/// Fails where what is said of the surface, or of a ground that it does not stand on, cannot act.
+fn check_canopy(preset: Preset, job: &GridJob) -> Result<()> {
+    if preset == Preset::Dtm && !job.canopy.is_usual() {
+        return Err(Error::usage("--canopy cannot act: it is for --dsm and --chm")
+            .remedy("leave --canopy out"));
+    }
+    let idle = [
+        ("--ground", job.ground != GroundFrom::Auto),
+        ("--class", job.cloud.filter.classes.is_some()),
+    ];
+    match idle.into_iter().find(|(_, given)| *given && !needs_ground(preset, job)) {
+        Some((option, _)) => {
+            let name = job.canopy.name();
+            let message = format!("{option} cannot act: a {name} --dsm knows of no ground");
+            Err(Error::usage(message).remedy(format!("leave {option} out")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Whether the ground has to be known.
+fn needs_ground(preset: Preset, job: &GridJob) -> bool {
+    preset != Preset::Dsm || job.canopy.way() == Way::PitFree
 }
 
 /// What a preset is made with.
 pub(super) struct Making<'a> {
     pub(super) job: &'a GridJob,
+    /// The cells.
+    pub(super) extent: &'a Extent,
     /// How the cloud is read, but for classes and returns.
     pub(super) reading: OpenOptions,
     pub(super) threads: usize,
@@ -187,7 +221,7 @@ pub(super) struct Making<'a> {
 pub(super) struct Model {
     preset: Preset,
     ground: Option<Surfaces>,
-    canopy: Option<Canopy>,
+    top: Option<Top>,
     /// What became of the points of its surface.
     pub(super) census: Census,
     /// Files whose damage was passed over.
@@ -203,18 +237,26 @@ impl Model {
         let empty = Self {
             preset,
             ground: None,
-            canopy: None,
+            top: None,
             census: Census::default(),
             losses: Losses::default(),
             notes: Vec::new(),
             spilled: 0,
         };
-        let mut model = empty.with_ground(cloud, making)?;
+        let mut model = match needs_ground(preset, making.job) {
+            true => empty.with_ground(cloud, making)?,
+            false => empty,
+        };
         if preset != Preset::Dsm && model.ground.is_none() {
             return Err(no_ground());
         }
         if preset != Preset::Dtm {
-            model.add_canopy(cloud, making)?;
+            match making.job.canopy.way() {
+                Way::PitFree => model.add_layers(cloud, making)?,
+                Way::SpikeFree { freeze, buffer } => {
+                    model.add_squares(cloud, (freeze, buffer), making)?;
+                }
+            }
         }
         Ok(model)
     }
@@ -253,7 +295,9 @@ impl Model {
         // The store of the surface is filled later.
         let room = making.store_memory();
         if square > room {
-            return Err(too_little(method.name(), least_for(square), making.job.resources.memory));
+            let what = format!("finding the ground by {}", method.name());
+            let memory = making.job.resources.memory;
+            return Err(too_little(&what, least_for(square), memory, "--ground filter"));
         }
         let share = if square > 0 { room } else { making.memory / TILE_SHARE };
         let tile = share / making.threads as u64;
@@ -275,7 +319,7 @@ impl Model {
         Ok(self)
     }
 
-    fn add_canopy(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+    fn add_layers(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
         let metres = self.metres(cloud)?;
         let window = making.surface_window();
         let first = making.read(no_noise(), Some(Return::First), window)?;
@@ -288,7 +332,31 @@ impl Model {
             self.notes.push(note.to_owned());
         }
         let ground = self.ground.as_ref();
-        self.canopy = Some(Canopy::new(first, ground, (&metres, cloud.frame), making)?);
+        let layers = Layers::new(first, ground, (&metres, cloud.frame), making)?;
+        self.top = Some(Top::PitFree(layers));
+        Ok(())
+    }
+
+    fn add_squares(
+        &mut self,
+        cloud: &CloudInfo,
+        freeze: (Option<f64>, f64),
+        making: &Making<'_>,
+    ) -> Result<()> {
+        let metres = self.metres(cloud)?;
+        let spacing = making.pulses(&metres)?;
+        let tally = Tally::new(Squares::new(spacing, freeze, &metres));
+        let source = making.source(no_noise(), None)?;
+        let window = making.surface_window();
+        let filling = Filling { within: window, ..making.filling() };
+        let store = making.store(&super::neighbours::tiling(source.info()));
+        let all = store.filled_and(&*source, &filling, &|batch| tally.take(batch))?;
+        self.take_note(&all);
+        self.notes.push(frozen(all.count(), &tally.squares));
+        let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
+        let all = making.limited(all, window, &around)?;
+        let top = BySquare::new(all, tally, cloud.frame, making)?;
+        self.top = Some(Top::SpikeFree(Box::new(top)));
         Ok(())
     }
 
@@ -319,8 +387,8 @@ impl Model {
         if self.is_exceeded() {
             return Err(more_is_needed());
         }
-        if let Some(canopy) = &self.canopy {
-            canopy.values(max_edge, extent, rect, out)?;
+        if let Some(top) = &self.top {
+            top.values(max_edge, extent, rect, out)?;
         }
         let Some(ground) = self.ground.as_ref().filter(|_| self.preset != Preset::Dsm) else {
             return Ok(());
@@ -342,13 +410,13 @@ impl Model {
     /// True when points were needed that were not read.
     pub(super) fn is_exceeded(&self) -> bool {
         let ground = self.ground.as_ref().is_some_and(|ground| ground.store().is_exceeded());
-        ground || self.canopy.as_ref().is_some_and(Canopy::is_exceeded)
+        ground || self.top.as_ref().is_some_and(Top::is_exceeded)
     }
 
     /// Bytes that went to temporary files.
     pub(super) fn spilled_bytes(&self) -> u64 {
         let ground = self.ground.as_ref().map_or(0, Surfaces::spilled_bytes);
-        self.spilled + ground + self.canopy.as_ref().map_or(0, Canopy::spilled)
+        self.spilled + ground + self.top.as_ref().map_or(0, Top::spilled)
     }
 }
 
@@ -381,11 +449,23 @@ fn named(classes: &[u8]) -> String {
     classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// Bytes of memory in all that a job needs to find the ground as it is asked to, before anything else; 0 where
-/// that is not known before the points are.
+/// A line that tells which returns a spike-free surface is made of, and what freezes.
+fn frozen(count: u64, squares: &Squares) -> String {
+    let edge = squares.freeze.edge;
+    format!("surface: {count} returns, spike-free with triangles of up to {edge:.2} m")
+}
+
+/// Bytes of memory in all that a job needs to find the ground as it is asked to, or for a square of the surface,
+/// before anything else; 0 where that is not known before the points are.
 pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
+    let surface = seen.map_or(0, |seen| spike_free::least(seen.square));
+    surface.max(least_for_ground(job, cloud, seen))
+}
+
+fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
+    let is_needed = job.preset.is_some_and(|preset| needs_ground(preset, job));
     let is_found = job.ground.is_method() || seen.is_some_and(|seen| !seen.by_class);
-    if !is_found {
+    if !is_needed || !is_found {
         return 0;
     }
     let method = job.ground.method();
@@ -398,13 +478,11 @@ fn least_for(square: u64) -> u64 {
     2 * STORES * square
 }
 
-fn too_little(method: &str, least: u64, memory: u64) -> Error {
+fn too_little(what: &str, least: u64, memory: u64, other: &str) -> Error {
     let [least, memory] = [least.div_ceil(1 << 20), memory >> 20];
-    let message = format!(
-        "finding the ground by {method} takes {least} MiB of memory, and {memory} are allowed"
-    );
+    let message = format!("{what} takes {least} MiB of memory, and {memory} are allowed");
     Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass --memory {least}M or more, or --ground filter"))
+        .remedy(format!("pass --memory {least}M or more, or {other}"))
 }
 
 /// All classes but those of noise.
@@ -423,9 +501,10 @@ impl Making<'_> {
         self.part.map(|(near, _)| near.window())
     }
 
-    /// Where the ground is to be known: under all first returns that are read.
+    /// Where the ground is to be known: for layers, under all first returns that are read.
     fn ground_window(&self) -> Option<Window> {
-        let is_all = self.job.preset == Some(Preset::Dtm);
+        let is_layered = self.job.canopy.way() == Way::PitFree;
+        let is_all = self.job.preset == Some(Preset::Dtm) || !is_layered;
         self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
     }
 
@@ -441,11 +520,27 @@ impl Making<'_> {
         PointStore::fill(&*source, super::neighbours::tiling(source.info()), &filling)
     }
 
-    /// What is known of squares of all these points, and what surrounds them.
-    fn outlined(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<PointStore> {
+    /// What is known of squares of all these points, and what surrounds them; they are handed to `also`, too.
+    fn outlined(
+        &self,
+        classes: Vec<u8>,
+        returns: Option<Return>,
+        also: &(dyn Fn(&[Point]) + Sync),
+    ) -> Result<PointStore> {
         let source = self.source(classes, returns)?;
         let store = self.store(&super::neighbours::tiling(source.info())).outline();
-        store.filled(&*source, &self.filling())
+        store.filled_and(&*source, &self.filling(), also)
+    }
+
+    /// How far pulses are apart in all of the cloud, about, in metres.
+    fn pulses(&self, metres: &Metres) -> Result<f64> {
+        match self.part {
+            Some((_, seen)) => Ok(seen.first),
+            None => {
+                let first = self.outlined(no_noise(), Some(Return::First), &|_| ())?;
+                Ok(filter::spacing(&first, metres))
+            }
+        }
     }
 
     fn source(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<Box<dyn PointSource>> {

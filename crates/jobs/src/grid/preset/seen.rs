@@ -5,14 +5,17 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::spacing;
 use super::metres::Metres;
+use super::squares::{Squares, Tally};
 use super::{
-    GroundFrom, Making, Preset, found_in_classes, named, no_ground, no_noise, not_of_class,
+    GroundFrom, Making, Preset, found_in_classes, frozen, named, needs_ground, no_ground, no_noise,
+    not_of_class,
 };
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
 use terrane_cloud::{CloudInfo, Return};
 use terrane_delaunay::Hull;
+use terrane_gridding::canopy::Way;
 use terrane_gridding::pitfree::PitFree;
 
 /// What was seen of a cloud.
@@ -24,11 +27,14 @@ pub(crate) struct Seen {
     pub(crate) last: f64,
     /// Metres between first returns, for the surface.
     pub(crate) first: f64,
-    /// Steps along the longest edge in a crown.
+    /// Steps along the longest edge in a crown, or to the end of what a square of the surface sees.
     pub(crate) reach: i32,
+    /// Most points that a square of the surface sees.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub(crate) square: u64,
     /// What surrounds the ground of the classes.
     ground: Vec<[i32; 3]>,
-    /// What surrounds first returns.
+    /// What surrounds the returns of the surface.
     surface: Vec<[i32; 3]>,
     /// Which points a model is made of, one line each.
     pub(crate) notes: Vec<String>,
@@ -45,23 +51,49 @@ impl Seen {
         making: &Making<'_>,
     ) -> Result<Self> {
         let mut seen = Self::default();
-        seen.look_for_classes(making)?;
-        if !seen.by_class {
-            let last = making.outlined(no_noise(), Some(Return::Last))?;
-            if last.count() == 0 && preset != Preset::Dsm {
-                return Err(no_ground());
-            }
-            seen.look_at_last(&last, cloud, making.job.ground)?;
+        if needs_ground(preset, making.job) {
+            seen.look_for_ground(preset, cloud, making)?;
         }
         if preset != Preset::Dtm {
-            let metres = Metres::of(&cloud.crs, &cloud.frame)?;
-            let first = making.outlined(no_noise(), Some(Return::First))?;
-            seen.first = spacing(&first, &metres);
-            seen.reach = reach(seen.first, &metres);
-            seen.surface = places(&first.hull()?);
-            seen.notes.push(format!("surface: {} first returns", first.count()));
+            seen.look_at_surface(cloud, making)?;
         }
         Ok(seen)
+    }
+
+    fn look_for_ground(
+        &mut self,
+        preset: Preset,
+        cloud: &CloudInfo,
+        making: &Making<'_>,
+    ) -> Result<()> {
+        self.look_for_classes(making)?;
+        if self.by_class {
+            return Ok(());
+        }
+        let last = making.outlined(no_noise(), Some(Return::Last), &|_| ())?;
+        if last.count() == 0 && preset != Preset::Dsm {
+            return Err(no_ground());
+        }
+        self.look_at_last(&last, cloud, making.job.ground)
+    }
+
+    fn look_at_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+        let metres = Metres::of(&cloud.crs, &cloud.frame)?;
+        let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
+        self.first = spacing(&first, &metres);
+        let Way::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
+            self.reach = reach(self.first, &metres);
+            self.surface = places(&first.hull()?);
+            self.notes.push(format!("surface: {} first returns", first.count()));
+            return Ok(());
+        };
+        let tally = Tally::new(Squares::new(self.first, (freeze, buffer), &metres));
+        let all = making.outlined(no_noise(), None, &|batch| tally.take(batch))?;
+        self.reach = tally.squares.reach();
+        self.surface = places(&all.hull()?);
+        self.notes.push(frozen(all.count(), &tally.squares));
+        self.square = tally.counts().into_values().max().unwrap_or(0);
+        Ok(())
     }
 
     fn look_for_classes(&mut self, making: &Making<'_>) -> Result<()> {
@@ -69,7 +101,7 @@ impl Seen {
             return Ok(());
         }
         let classes = making.classes();
-        let ground = making.outlined(classes.clone(), None)?;
+        let ground = making.outlined(classes.clone(), None, &|_| ())?;
         if ground.count() == 0 && making.job.ground == GroundFrom::Class {
             return Err(not_of_class(&named(&classes)));
         }
@@ -101,7 +133,7 @@ impl Seen {
         points(&self.ground)
     }
 
-    /// What surrounds first returns.
+    /// What surrounds the returns of the surface.
     pub(super) fn around_surface(&self) -> Vec<Point> {
         points(&self.surface)
     }
@@ -111,6 +143,10 @@ impl Seen {
 fn reach(spacing: f64, metres: &Metres) -> i32 {
     let [x, y, _] = metres.step;
     (PitFree::metres(spacing).max_edge() / x.min(y)).ceil().min(f64::from(REACH)) as i32
+}
+
+fn is_none(count: &u64) -> bool {
+    *count == 0
 }
 
 fn places(hull: &Hull) -> Vec<[i32; 3]> {
