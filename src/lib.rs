@@ -60,7 +60,7 @@ mod cli;
 mod facade;
 
 // The rooms, by the names that the command line has for them.
-use terrane_base::{attribute, bound, error, geom, registry};
+use terrane_base::{attribute, bound, error, geom, parameters, registry};
 use terrane_files::{self as files, atomic};
 use terrane_synth as synth;
 use terrane_vector as vector;
@@ -84,7 +84,7 @@ pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::contour::ContourReport;
 pub use terrane_jobs::convert::ConvertReport;
 pub use terrane_jobs::figures::Figures;
-pub use terrane_jobs::grid::{GridReport, GroundFrom, Preset};
+pub use terrane_jobs::grid::{Canopy, GridReport, GroundFrom, Preset};
 pub use terrane_jobs::line::LineReport;
 pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tiles::{Format as TilesFormat, TilesReport};

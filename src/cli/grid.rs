@@ -14,7 +14,7 @@ use crate::cli::shared::{
 use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked};
-use crate::jobs::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
+use crate::jobs::grid::{self, Canopy, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
 use crate::jobs::sift::Sifted;
 use crate::jobs::{Cancel, Resources};
 use crate::raster::SampleType;
@@ -76,7 +76,7 @@ pub(super) struct Model {
     #[arg(long, conflicts_with_all = ["stat", "dsm", "chm"])]
     dtm: bool,
     /// What is seen from above: first returns, linear in their triangulation, without the pits that
-    /// pulses leave which went deep into a crown
+    /// pulses leave which went deep into a crown; by another method with --canopy
     #[arg(long, conflicts_with_all = ["stat", "chm"])]
     dsm: bool,
     /// The height of --dsm above --dtm, 0 where it would be below
@@ -87,6 +87,10 @@ pub(super) struct Model {
     /// adaptive [default: auto]
     #[arg(long, value_name = "HOW", value_parser = GroundName::parse)]
     ground: Option<GroundName>,
+    /// How --dsm and --chm get rid of returns from deep in crowns: pit-free, or spike-free with its parameters,
+    /// such as spike-free:freeze=1.5, which is made of all returns [default: pit-free]
+    #[arg(long, value_name = "METHOD", value_parser = parse_canopy)]
+    canopy: Option<Canopy>,
     /// Water of a file of features, made level in --dtm: polygons are lakes, as high as their lowest bank, and
     /// those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any(), requires = "dtm")]
@@ -100,10 +104,14 @@ impl Model {
         if self.ground.is_some() && preset.is_none() {
             return Err(idle("--ground", "for --dtm, --dsm and --chm"));
         }
+        if self.canopy.is_some() && preset.is_none_or(|preset| preset == Preset::Dtm) {
+            return Err(idle("--canopy", "for --dsm and --chm"));
+        }
         Ok(GridJob {
             stats: preset.map_or(job.stats, |preset| vec![preset.band()]),
             preset,
             ground: GroundName::of(self.ground),
+            canopy: self.canopy.unwrap_or_default(),
             water: self.water.clone(),
             ..job
         })
@@ -206,6 +214,7 @@ impl Verb for Args {
         vec![
             lists::statistics(),
             lists::grounds(),
+            lists::canopies(),
             lists::grids_written(),
             lists::creation_options(),
             lists::EXIT_CODES.to_owned(),
@@ -280,6 +289,7 @@ impl Wanted {
             stats: stat.0.clone(),
             preset: None,
             ground: GroundFrom::Auto,
+            canopy: Canopy::default(),
             water: None,
             placement: Placement {
                 cell: cells.cell,
@@ -328,6 +338,10 @@ impl Args {
         let read = [files, self.wanted.points.files()?, beside].concat();
         check::report(report, &read, &[&self.output], overwrite)
     }
+}
+
+fn parse_canopy(text: &str) -> std::result::Result<Canopy, String> {
+    text.parse().map_err(|e: Error| e.to_string())
 }
 
 /// A list of statistics.

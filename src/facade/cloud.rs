@@ -15,7 +15,7 @@ use terrane_files::name_of;
 use terrane_gridding::parse_list;
 use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
 use terrane_jobs::grid::plan::{PlanGridJob, plan_grid};
-use terrane_jobs::grid::{self, GridJob, GridReport, GroundFrom, Placement, Preset};
+use terrane_jobs::grid::{self, Canopy, GridJob, GridReport, GroundFrom, Placement, Preset};
 use terrane_jobs::placing::Placing;
 use terrane_raster::Inputs;
 
@@ -274,6 +274,7 @@ pub struct GridBuilder<'a> {
     stats: String,
     preset: Option<Preset>,
     ground: GroundFrom,
+    canopy: Canopy,
     water: Option<PathBuf>,
     placement: Placement,
     radius: Option<f64>,
@@ -294,6 +295,7 @@ impl<'a> GridBuilder<'a> {
             stats: "mean".to_owned(),
             preset: None,
             ground: GroundFrom::Auto,
+            canopy: Canopy::default(),
             water: None,
             placement: Placement::new([cell; 2]),
             radius: None,
@@ -335,6 +337,25 @@ impl<'a> GridBuilder<'a> {
     /// ```
     pub fn ground(mut self, from: GroundFrom) -> Self {
         self.ground = from;
+        self
+    }
+
+    /// How a [`model`](Self::model) of what is seen from above gets rid of returns from deep in crowns: pit-free, unless
+    /// told otherwise, or spike-free, which is made of all returns.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("chm.tif");
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
+    /// let canopy: terrane::Canopy = "spike-free:freeze=2".parse()?;
+    /// let made = cloud.grid(1.0).model(terrane::Preset::Chm).canopy(canopy).write(&path)?;
+    /// assert!(made.notes.iter().any(|note| note.contains("spike-free")));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn canopy(mut self, method: Canopy) -> Self {
+        self.canopy = method;
         self
     }
 
@@ -435,6 +456,7 @@ impl<'a> GridBuilder<'a> {
             cloud: self.cloud.options.clone(),
             preset: self.preset,
             ground: self.ground,
+            canopy: self.canopy,
             water: self.water.clone().map(name_of).transpose()?,
             placement: self.placement.clone(),
             radius: self.radius,

@@ -1,5 +1,6 @@
 //! Lists that the help of a verb ends in, taken from the registries.
 
+use crate::parameters::Parameter;
 use crate::{attribute, gridding, line, mesh, methods, raster, synth, vector};
 
 /// The last list of verbs that can fail in every way.
@@ -60,15 +61,26 @@ pub(crate) fn grounds() -> String {
     let all = terrane_ground::METHODS;
     let row = |m: &terrane_ground::Method| (m.name, m.source.to_owned(), m.about);
     let methods = list("Methods of --ground", &all.iter().map(row).collect::<Vec<_>>());
-    let own = all.iter().flat_map(|m| m.parameters.iter().map(move |p| (m, p)));
-    let row = |(m, p): (&terrane_ground::Method, &terrane_ground::Parameter)| {
-        (m.name, format!("{}={}", p.key, p.default), p.about)
-    };
-    let rows: Vec<_> = own.map(row).collect();
-    format!(
-        "{methods}\n\n{}",
-        list("Parameters, as in csf:rigidness=2,cloth=0.5, with defaults", &rows)
-    )
+    let own = parameter_rows(all.iter().map(|m| (m.name, m.parameters)));
+    let parameters = list("Parameters, as in csf:rigidness=2,cloth=0.5, with defaults", &own);
+    format!("{methods}\n\n{parameters}")
+}
+
+pub(crate) fn canopies() -> String {
+    let all = gridding::canopy::METHODS;
+    let row = |m: &gridding::canopy::Method| (m.name, m.source.to_owned(), m.about);
+    let methods = list("Methods of --canopy", &all.iter().map(row).collect::<Vec<_>>());
+    let own = parameter_rows(all.iter().map(|m| (m.name, m.parameters)));
+    let parameters = list("Parameters, as in spike-free:freeze=1.5, with defaults", &own);
+    format!("{methods}\n\n{parameters}")
+}
+
+/// The parameters of methods by name.
+fn parameter_rows(
+    methods: impl Iterator<Item = (&'static str, &'static [Parameter])>,
+) -> Vec<(&'static str, String, &'static str)> {
+    let all = methods.flat_map(|(name, own)| own.iter().map(move |p| (name, p)));
+    all.map(|(name, p)| (name, p.usual(), p.about)).collect()
 }
 
 fn other_names(method: &gridding::Method) -> String {

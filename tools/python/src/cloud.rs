@@ -76,6 +76,7 @@ struct Asked {
     max_edge: Option<f64>,
     fill: u32,
     water: Option<PathBuf>,
+    canopy: Option<String>,
     format: Option<String>,
     creation: Vec<(String, String)>,
 }
@@ -107,6 +108,9 @@ impl Asked {
         }
         if let Some(file) = &self.water {
             builder = builder.water(file);
+        }
+        if let Some(method) = &self.canopy {
+            builder = builder.canopy(method.parse()?);
         }
         if let Some(format) = &self.format {
             builder = builder.format(format);

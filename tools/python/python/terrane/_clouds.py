@@ -220,6 +220,7 @@ def asked_of(
     max_edge: float | None = None,
     fill: int = 0,
     water: Path | None = None,
+    canopy: str | None = None,
     format: str | None = None,
 ) -> dict[str, Any]:
     """What a grid is to be, as the library takes it."""
@@ -233,6 +234,7 @@ def asked_of(
         "max_edge": max_edge,
         "fill": fill,
         "water": None if water is None else os.fspath(water),
+        "canopy": canopy,
         "format": format,
         "creation": [],
     }
@@ -314,7 +316,7 @@ def model(points: Any, name: str, cell: float, options: dict[str, Any]) -> GridR
     """A model of the terrain."""
     crs, salvage = options.pop("crs", None), options.pop("salvage", False)
     run = settings(*(options.pop(name, None) for name in ("threads", "memory", "progress")))
-    known = {"bounds", "like", "radius", "max_edge", "fill", "water"}
+    known = {"bounds", "like", "radius", "max_edge", "fill", "water", "canopy"}
     unknown = sorted(options.keys() - known)
     if unknown:
         raise TypeError(f"{name}() got an unexpected keyword argument {unknown[0]!r}")
@@ -336,17 +338,22 @@ def dtm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
 
 
 def dsm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
-    """A model of what is seen from above, of one band. Points and options are as for `dtm`.
+    """A model of what is seen from above, of one band. Points and options are as for `dtm`, without `water`; `canopy` is
+    how returns from deep in crowns are got rid of: "pit-free", unless told otherwise, or "spike-free", with its
+    parameters after a colon.
 
     >>> import terrane
     >>> terrane.dsm("synth:cloud,size=60,density=2,seed=5", cell=2.0).names
     ['dsm']
+    >>> top = terrane.dsm("synth:cloud,size=60,density=2,seed=5", cell=2.0, canopy="spike-free:freeze=2")
+    >>> top.data.shape[0]
+    1
     """
     return model(points, "dsm", cell, options)
 
 
 def chm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
-    """The height of what is seen from above over the ground, of one band. Points and options are as for `dtm`.
+    """The height of what is seen from above over the ground, of one band. Points and options are as for `dsm`.
 
     >>> import numpy as np, terrane
     >>> canopy = terrane.chm("synth:cloud,size=60,density=2,seed=5", cell=2.0)
