@@ -189,7 +189,9 @@ fn jobs() -> Vec<String> {
         for error in ["0", "0.05", "0.5", "5"] {
             add(format!("tin ../in/{cloud} o.ply --max-error {error}"));
         }
-        for model in ["--dtm", "--dsm", "--chm", "--dtm --ground filter"] {
+        for model in
+            ["--dtm", "--dsm", "--chm", "--dtm --ground filter", "--chm --canopy spike-free"]
+        {
             add(format!("grid ../in/{cloud} o.tif --cell 1.5 {model}"));
         }
         for method in gridding::METHODS {
@@ -404,7 +406,10 @@ fn jobs() -> Vec<String> {
     add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     // Their digests are those of one run without a plan, which are here as well.
-    add("plan grid ../in/dense.laz -o w --cell 1.5 --chm then run w -o o.tif".into());
+    for canopy in ["", " --canopy spike-free"] {
+        let model = format!("--chm{canopy}");
+        add(format!("plan grid ../in/dense.laz -o w --cell 1.5 {model} then run w -o o.tif"));
+    }
     let found = "--dtm --ground filter";
     add(format!("plan grid ../in/steep.laz -o w --cell 1.5 {found} then run w -o o.tif"));
     add("plan points ../in/dense.laz -o w --tile 25 --buffer 2 --cut 1 then run w -o o".into());

@@ -6,6 +6,7 @@ mod cli_support;
 mod data;
 mod support;
 
+mod canopies;
 mod cells;
 mod ground;
 mod presets;

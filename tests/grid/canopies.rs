@@ -1,0 +1,240 @@
+//! Spike-free surfaces: without pits, the plain triangulation where nothing freezes, the same bytes whatever the
+//! threads, the memory, the order of files, the box and the tasks; refusals.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::Path;
+
+use crate::cli_support::Place;
+use crate::support::{Lots, Written, read};
+use terrane_gridding::parse_list;
+use terrane_jobs::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
+use terrane_jobs::grid::{GridJob, GridReport, Preset, run};
+use terrane_jobs::plan::DiskCheck;
+use terrane_jobs::{Cancel, Resources, Silent};
+
+const FOREST: &str = "synth:cloud,size=300,density=8,seed=7";
+
+fn made(job: &GridJob) -> (Written, GridReport) {
+    let job = GridJob { overwrite: true, ..job.clone() };
+    let report = run(&job, &Silent, &Cancel::default()).unwrap();
+    (read(&job.output, 1), report)
+}
+
+fn canopy(input: &[String], output: &Path, preset: Preset, canopy: &str) -> GridJob {
+    let job = GridJob::of_preset(input.to_vec(), output, preset, 1.0);
+    GridJob { canopy: canopy.parse().unwrap(), ..job }
+}
+
+fn resources(threads: usize, mib: u64) -> Resources {
+    Resources { threads, memory: mib << 20, temp_dir: None }
+}
+
+/// All classes that are no noise.
+fn no_noise() -> Option<Vec<u8>> {
+    Some((0..=255).filter(|class| ![7, 18].contains(class)).collect())
+}
+
+/// Cells far below the middle one of those around them.
+fn pits(grid: &Written) -> usize {
+    let is_pit = |k: &usize| {
+        let (col, row) = (k % grid.width, k / grid.width);
+        if col == 0
+            || row == 0
+            || col + 1 == grid.width
+            || (row + 2) * grid.width > grid.values.len()
+        {
+            return false;
+        }
+        let around = [k - grid.width - 1, k - 1, k + grid.width - 1];
+        let mut around: Vec<f64> =
+            around.iter().flat_map(|from| &grid.values[*from..from + 3]).copied().collect();
+        around.sort_by(f64::total_cmp);
+        around[0] > -9999.0 && around[4] - grid.values[*k] > 5.0
+    };
+    (0..grid.values.len()).filter(is_pit).count()
+}
+
+#[test]
+fn a_spike_free_surface_has_no_pits_where_plain_ones_do() {
+    let place = Place::new();
+    let input = [FOREST.to_owned()];
+    let top =
+        |name: &str, asked: &str| made(&canopy(&input, &place.path(name), Preset::Dsm, asked));
+    let (free, report) = top("free.tif", "spike-free");
+    let (pit_free, _) = top("pit.tif", "pit-free");
+    let plain = |returns| {
+        let mut job =
+            GridJob::new(input.to_vec(), place.path("tin.tif"), parse_list("tin").unwrap(), 1.0);
+        job.cloud.filter.returns = returns;
+        job.cloud.filter.classes = no_noise();
+        made(&job).0
+    };
+    let (first, all) = (plain(Some(terrane_cloud::Return::First)), plain(None));
+    let count = [&free, &pit_free, &first, &all].map(pits);
+    println!(
+        "pits: spike-free {}, pit-free {}, first {}, all {}",
+        count[0], count[1], count[2], count[3]
+    );
+    assert!(count[0] * 20 < count[2] && count[2] < count[3] && count[2] > 200, "{count:?}");
+    assert!(report.notes.iter().any(|note| note.contains("spike-free with")), "{:?}", report.notes);
+    // Open ground is as it was: no wall has moved by more than a triangle.
+    let same =
+        (0..free.values.len()).filter(|k| (free.values[*k] - pit_free.values[*k]).abs() < 1.0);
+    let same = same.count();
+    assert!(same * 10 > free.values.len() * 8, "{same} of {}", free.values.len());
+    let void = |grid: &Written| grid.values.iter().filter(|z| **z == -9999.0).count();
+    assert!(void(&free) <= void(&first), "{} {}", void(&free), void(&first));
+}
+
+/// Files with points about 0.7 apart, no two at one place, with voids wider than what a square sees and a bay in
+/// the outline; crowns with returns from below them.
+fn grove(folder: &Path) -> Vec<String> {
+    let (mut lots, mut taken) = (Lots(9), BTreeSet::new());
+    let mut files = vec![String::new(); 4];
+    for _ in 0..150_000 {
+        let [x, y] = [lots.below(36_000), lots.below(24_000)];
+        let [east, north] = [x, y].map(|v| f64::from(v) / 100.0);
+        let far = |[cx, cy]: [f64; 2], r: f64| (east - cx).hypot(north - cy) > r;
+        let is_land =
+            far([120.0, 110.0], 55.0) && far([250.0, 0.0], 40.0) && far([360.0, 200.0], 60.0);
+        if !is_land || !taken.insert([x, y]) {
+            continue;
+        }
+        let ground = f64::from(lots.below(30)) / 100.0 + east / 40.0;
+        let away = (east % 17.0 - 8.5).hypot(north % 19.0 - 9.5);
+        let z = match lots.below(4) {
+            0 => ground,
+            _ if away < 6.0 => ground + 18.0 - away,
+            _ => ground,
+        };
+        let file = &mut files[usize::from(x > 18_000) + 2 * usize::from(y > 9_000)];
+        writeln!(file, "{east:.2} {north:.2} {z:.2}").unwrap();
+    }
+    let write = |(number, text): (usize, &String)| {
+        let path = folder.join(format!("{number}.xyz"));
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    files.iter().enumerate().map(write).collect()
+}
+
+#[test]
+fn where_nothing_freezes_it_is_the_triangulation_of_all() {
+    let place = Place::new();
+    let input = grove(&place.path(""));
+    for max_edge in [None, Some(3.0)] {
+        let job = canopy(&input, &place.path("a.tif"), Preset::Dsm, "spike-free:freeze=0");
+        let (free, _) = made(&GridJob { max_edge, ..job });
+        let stats = parse_list("tin").unwrap();
+        let job = GridJob::new(input.clone(), place.path("b.tif"), stats, 1.0);
+        let (plain, _) = made(&GridJob { max_edge, ..job });
+        let differ = (0..plain.values.len()).filter(|k| free.values[*k] != plain.values[*k]);
+        assert_eq!(differ.count(), 0, "of {}", plain.values.len());
+        assert_eq!(plain.values.contains(&-9999.0), true);
+    }
+    let frozen = made(&canopy(&input, &place.path("a.tif"), Preset::Dsm, "spike-free")).0;
+    assert!(pits(&frozen) * 50 < pits(&read(&place.path("b.tif"), 1)), "{}", pits(&frozen));
+}
+
+#[test]
+fn neither_threads_nor_memory_nor_order_nor_the_box_leave_a_trace() {
+    let place = Place::new();
+    let mut input = grove(&place.path(""));
+    for (preset, max_edge) in [(Preset::Dsm, None), (Preset::Chm, Some(9.0))] {
+        let ground = "filter".parse().unwrap();
+        let asked = |input: &[String], resources| {
+            let job = canopy(input, &place.path("a.tif"), preset, "spike-free");
+            let job = GridJob { max_edge, resources, ..job };
+            if preset == Preset::Chm { GridJob { ground, ..job } } else { job }
+        };
+        let bytes = |job: &GridJob| {
+            let (_, report) = made(job);
+            (std::fs::read(&job.output).unwrap(), report.run.spilled_bytes > Some(0))
+        };
+        let (whole, spilled) = bytes(&asked(&input, resources(1, 2048)));
+        assert!(!spilled);
+        assert!(whole == bytes(&asked(&input, resources(3, 2048))).0, "threads left a trace");
+        input.reverse();
+        assert!(whole == bytes(&asked(&input, resources(2, 1024))).0, "the order left a trace");
+        let (small, spilled) = bytes(&asked(&input, resources(2, 130)));
+        assert!(whole == small && spilled, "the budget left a trace, or was none");
+        let all = read(&place.path("a.tif"), 1);
+        let mut job = asked(&input, resources(2, 1024));
+        job.placement.bbox = Some([60.0, 70.0, 210.0, 180.0]);
+        let (part, _) = made(&GridJob { output: place.path("b.tif"), ..job });
+        let (col, row) = (60 - all.corner[0] as usize, all.corner[1] as usize - 180);
+        for (k, line) in part.values.chunks(part.width).enumerate() {
+            let from = (row + k) * all.width + col;
+            assert_eq!(line, &all.values[from..from + part.width]);
+        }
+    }
+}
+
+#[test]
+fn a_plan_makes_the_bytes_of_a_single_run() {
+    let place = Place::new();
+    let input = grove(&place.path(""));
+    for (number, (preset, asked, max_edge)) in [
+        (Preset::Dsm, "spike-free", None),
+        (Preset::Chm, "spike-free:freeze=1.5,buffer=1", Some(12.0)),
+        (Preset::Chm, "spike-free:freeze=0", None),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let job = canopy(&input, &place.path("a.tif"), preset, asked);
+        let job = GridJob { max_edge, overwrite: true, resources: resources(2, 1024), ..job };
+        made(&job);
+        let folder = place.path(&format!("work-{number}"));
+        let output = folder.join("grid.tif");
+        let planned = GridJob { output, format: Some("GTiff".to_owned()), ..job };
+        let plan = PlanGridJob {
+            job: planned,
+            folder: folder.clone(),
+            cut: Some(256),
+            skipped: Vec::new(),
+        };
+        plan_grid(&plan, &Silent, &Cancel::default()).unwrap();
+        let work = RunGridJob {
+            folder: folder.clone(),
+            task: None,
+            output: None,
+            overwrite: false,
+            form: (),
+            disk: DiskCheck::On,
+            resources: resources(2, 1024),
+        };
+        let report = run_grid(&work, &Silent, &Cancel::default()).unwrap();
+        assert_eq!(report.made.len(), 2, "{report:?}");
+        let [made, single] =
+            [folder.join("grid.tif"), place.path("a.tif")].map(|path| std::fs::read(path).unwrap());
+        assert!(made == single, "{asked}: other bytes");
+        let notes = report.of.grid.unwrap().notes;
+        assert!(notes.iter().any(|note| note.contains("spike-free with")), "{notes:?}");
+    }
+}
+
+#[test]
+fn what_cannot_act_is_refused_and_too_little_memory_by_name() {
+    let place = Place::new();
+    let with = |more: &[&str], code: i32, words: &[&str]| {
+        let base = ["grid", "synth:cloud,size=50", "a.tif", "--cell", "1"];
+        place.fails(&[&base, more].concat(), code, words);
+    };
+    let free = ["--canopy", "spike-free"];
+    with(&free, 2, &["--canopy cannot act"]);
+    with(&[&free[..], &["--dtm"]].concat(), 2, &["--canopy cannot act", "--dsm and --chm"]);
+    with(&["--dsm", "--canopy", "moss"], 2, &["unknown canopy method", "pit-free, spike-free"]);
+    with(&["--dsm", "--canopy", "spike-free:freeze=-1"], 2, &["freeze=auto (from 0 to 1000)"]);
+    with(&["--dsm", "--canopy", "pit-free:freeze=1"], 2, &["takes none"]);
+    with(&["--dsm", "--canopy", "spike-free", "--ground", "filter"], 2, &["--ground cannot act"]);
+    with(&["--dsm", "--canopy", "spike-free", "--class", "2"], 2, &["--class cannot act"]);
+    let dense = ["grid", FOREST, "a.tif", "--cell", "1", "--dsm", "--canopy", "spike-free"];
+    place.ok_as_advised(&dense, "130M", &["a square of the spike-free surface"]);
+    place.write("deg.xyz", "0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n");
+    let degrees = ["grid", "deg.xyz", "b.tif", "--cell", "1", "--crs", "EPSG:4326", "--dsm"];
+    place.fails(&[&degrees[..], &free].concat(), 65, &["degree"]);
+    let few = ["grid", "deg.xyz", "b.tif", "--cell", "0.5", "--dsm"];
+    place.ok(&[&few[..], &free].concat());
+}
