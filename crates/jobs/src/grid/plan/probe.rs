@@ -27,6 +27,8 @@ const MOST_POINTS: u64 = 1 << 22;
 const POINT: [f64; 2] = [130.0, 400.0];
 /// The same where a method finds the ground, with its halos.
 const FOUND: f64 = 15_000.0;
+/// And for one of a spike-free surface, with its halos.
+const FROZEN: f64 = 2_000.0;
 /// Nanoseconds for a cell that is written.
 const CELL: f64 = 60.0;
 /// What a small tile says less of a grid: its ends, and tables of larger files.
@@ -59,11 +61,14 @@ pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs
 }
 
 /// Nanoseconds for a point.
-fn point(opened: &Opened, recipe: &Recipe) -> f64 {
-    match &opened.seen {
-        Some(seen) if !seen.by_class => FOUND,
+fn point(Opened { job, seen, .. }: &Opened, recipe: &Recipe) -> f64 {
+    let is_found = job.preset.is_some_and(|preset| preset::needs_ground(preset, job));
+    let usual = match seen {
+        Some(seen) if is_found && !seen.by_class => FOUND,
         _ => POINT[usize::from(recipe.triangulates())],
-    }
+    };
+    let freezes = seen.as_ref().is_some_and(|seen| seen.square > 0);
+    usual + if freezes { FROZEN } else { 0.0 }
 }
 
 /// Cells that were tried, and the bytes they took.

@@ -195,7 +195,7 @@ fn check_canopy(preset: Preset, job: &GridJob) -> Result<()> {
 }
 
 /// Whether the ground has to be known.
-fn needs_ground(preset: Preset, job: &GridJob) -> bool {
+pub(super) fn needs_ground(preset: Preset, job: &GridJob) -> bool {
     preset != Preset::Dsm || job.canopy.way() == Way::PitFree
 }
 
