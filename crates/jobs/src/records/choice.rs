@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Flow, Records, Take, numbered};
+use super::{Flow, Records, Take, Unit, numbered};
 use crate::plan::At;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};

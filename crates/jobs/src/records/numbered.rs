@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use super::{Flow, Records, Take};
+use super::{Flow, Records, Take, Unit};
 use crate::plan::At;
 use terrane_base::error::Result;
 use terrane_files::lock;

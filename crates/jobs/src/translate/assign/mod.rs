@@ -13,7 +13,7 @@ use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Frame, Ruler};
 use terrane_cloud::write::Column;
-use terrane_cloud::{Cloud, PointFormat};
+use terrane_cloud::{Cloud, PointFormat, PointSource};
 use terrane_files::path_of;
 
 /// What coordinates are called.
