@@ -64,7 +64,10 @@ fn a_spike_free_surface_has_no_pits_where_plain_ones_do() {
     let [first, all, max] = [("tin", true), ("tin", false), ("max", true)].map(|(s, f)| of(s, f));
     let count = [&free, &pit_free, &first, &all].map(|grid| pits(grid, &max));
     println!("pits: spike-free, pit-free, plain of first returns, of all: {count:?}");
-    assert!(count[0] * 20 < count[2] && count[2] < count[3] && count[2] > 200, "{count:?}");
+    assert!(
+        count[0] * 8 < count[2] && count[0] < count[1] && count[0] * 30 < count[3],
+        "{count:?}"
+    );
     assert!(report.notes.iter().any(|note| note.contains("spike-free with")), "{:?}", report.notes);
     // Open ground is as it was: no wall has moved by more than a triangle.
     let same =
