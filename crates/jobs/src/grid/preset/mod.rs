@@ -458,7 +458,9 @@ fn frozen(count: u64, squares: &Squares) -> String {
 /// Bytes of memory in all that a job needs to find the ground as it is asked to, or for a square of the surface,
 /// before anything else; 0 where that is not known before the points are.
 pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
-    let surface = seen.map_or(0, |seen| spike_free::least(seen.square));
+    let freezes = job.preset.is_some() && job.canopy.way() != Way::PitFree;
+    let usual = if freezes { cloud.count.min(spike_free::USUAL) } else { 0 };
+    let surface = spike_free::least(seen.map_or(usual, |seen| seen.square));
     surface.max(least_for_ground(job, cloud, seen))
 }
 

@@ -28,6 +28,10 @@ const HEIGHTS: u64 = 4;
 /// Stands for a height that the plain triangulation tells.
 const PLAIN: f64 = f64::INFINITY;
 
+/// Most points that a square sees of a cloud that is even, with more returns to a pulse than usual: what is asked
+/// for before the points are known.
+pub(super) const USUAL: u64 = 1 << 18;
+
 /// Bytes of memory in all with which there is room for a square that sees so many points.
 pub(super) fn least(points: u64) -> u64 {
     2 * STORES * (points * BYTES_PER_POINT).div_ceil(HEIGHTS - 1) * HEIGHTS

@@ -14,7 +14,7 @@ use terrane_files::lock;
 
 /// Edges of triangles that freeze along a halo, and halos along a square.
 const EDGES: f64 = 12.0;
-const HALOS: i32 = 10;
+const HALOS: i32 = 6;
 /// Spacings of pulses along an edge, unless it is given, and least along the twelfth of a halo.
 const SPACINGS: f64 = 3.0;
 /// Metres along the narrowest halo, and steps along the widest: with its square it is below 2^28.
