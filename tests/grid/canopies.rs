@@ -150,7 +150,7 @@ fn neither_threads_nor_memory_nor_order_nor_the_box_leave_a_trace() {
         assert!(whole == bytes(&asked(&input, resources(3, 2048))).0, "threads left a trace");
         input.reverse();
         assert!(whole == bytes(&asked(&input, resources(2, 1024))).0, "the order left a trace");
-        let (small, _) = bytes(&asked(&input, resources(2, 200)));
+        let (small, _) = bytes(&asked(&input, resources(2, 132)));
         assert!(whole == small, "the budget left a trace");
         let all = read(&place.path("a.tif"), 1);
         let mut job = asked(&input, resources(2, 1024));
@@ -225,6 +225,20 @@ fn what_cannot_act_is_refused_and_too_little_memory_by_name() {
     with(&["--dsm", "--canopy", "spike-free", "--class", "2"], 2, &["--class cannot act"]);
     let dense = ["grid", FOREST, "a.tif", "--cell", "1", "--dsm", "--canopy", "spike-free"];
     place.ok_as_advised(&dense, "130M", &["MiB of memory are needed"]);
+    // Most points of a wide cloud are in one place.
+    let mut uneven = String::new();
+    for k in 0..340_000 {
+        let (x, y) = match k {
+            0..40_000 => (k % 200 * 500, k / 200 * 500),
+            _ => (40_000 + k % 550 * 5, 40_000 + (k - 40_000) / 550 * 5),
+        };
+        let [x, y] = [x, y].map(|v| f64::from(v) / 100.0);
+        writeln!(uneven, "{x:.2} {y:.2} {}", k % 7).unwrap();
+    }
+    place.write("uneven.xyz", uneven);
+    let uneven = ["grid", "uneven.xyz", "a.tif", "--cell", "9", "--dsm", "--overwrite", "-q"];
+    let uneven = [&uneven[..], &free].concat();
+    place.ok_as_advised(&uneven, "196M", &["a square of the spike-free surface"]);
     place.write("deg.xyz", "0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n");
     let degrees = ["grid", "deg.xyz", "b.tif", "--cell", "1", "--crs", "EPSG:4326", "--dsm"];
     place.fails(&[&degrees[..], &free].concat(), 65, &["degree"]);
