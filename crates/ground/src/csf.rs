@@ -6,9 +6,10 @@
 //! node that meets the lowest point of its cell stays there, and steep ground that the cloth spans is
 //! mended in the end.
 
+use crate::asked::Parameter;
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 
 pub(crate) const METHOD: Method = Method {
@@ -40,8 +41,7 @@ pub(crate) const METHOD: Method = Method {
         )
         .whole(),
     ],
-    lattice: |asked, _| Lattice::fixed(asked.value("cloth")),
-    find,
+    finder: GroundFinder { lattice: |asked, _| Lattice::fixed(asked.value("cloth")), find },
 };
 
 fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {

@@ -1,72 +1,30 @@
 //! The methods that find the ground: what one is, and how it is asked for with its parameters.
 
-use std::fmt;
-
+use super::asked::{self, Finder};
 use super::lows::Lows;
 use super::surface::Ground;
 use super::{adaptive, csf, filter, ptd, smrf};
-use terrane_base::error::{Error, Result};
-use terrane_base::registry::{Named, named};
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] =
     &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, filter::METHOD];
 
 /// One method of the registry.
-#[derive(Debug)]
-pub struct Method {
-    /// Name for `--ground`, unique.
-    pub name: &'static str,
-    /// Where it was published.
-    pub source: &'static str,
-    /// One line for the documentation.
-    pub about: &'static str,
-    /// What may follow its name.
-    pub parameters: &'static [Parameter],
+pub type Method = asked::Method<GroundFinder>;
+/// A method with its parameters.
+pub type Asked = asked::Asked<GroundFinder>;
+
+/// How a method finds the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct GroundFinder {
     /// How the plane is divided for it, points being so many metres apart.
     pub(crate) lattice: fn(&Asked, f64) -> Lattice,
     pub(crate) find: fn(&Asked, &Lows<'_>) -> Ground,
 }
 
-/// A parameter of a method, a number.
-#[derive(Debug)]
-pub struct Parameter {
-    /// Its name.
-    pub key: &'static str,
-    /// One line for the documentation, with the unit.
-    pub about: &'static str,
-    /// Its default.
-    pub default: f64,
-    /// Its least and its largest value.
-    pub range: [f64; 2],
-    /// True for whole numbers.
-    pub whole: bool,
-}
-
-impl Parameter {
-    pub(crate) const fn new(
-        key: &'static str,
-        default: f64,
-        range: [f64; 2],
-        about: &'static str,
-    ) -> Self {
-        Self { key, about, default, range, whole: false }
-    }
-
-    pub(crate) const fn whole(self) -> Self {
-        Self { whole: true, ..self }
-    }
-
-    fn allows(&self, value: f64) -> bool {
-        let [least, most] = self.range;
-        (least..=most).contains(&value) && (!self.whole || value.fract() == 0.0)
-    }
-
-    fn text(&self) -> String {
-        let [least, most] = self.range;
-        let kind = if self.whole { "a whole number " } else { "" };
-        format!("{}={} ({kind}from {least} to {most})", self.key, self.default)
-    }
+impl Finder for GroundFinder {
+    const KIND: &'static str = "method to find the ground";
+    const METHODS: &'static [Method] = METHODS;
 }
 
 /// The squares of cells that a method works in, and what each has to see.
@@ -96,124 +54,27 @@ impl Lattice {
     }
 }
 
-/// Most parameters of a method.
-const MOST: usize = 6;
-
-/// A method with its parameters.
-#[derive(Clone, Copy, Debug)]
-pub struct Asked {
-    method: &'static Method,
-    values: [f64; MOST],
-}
-
-impl PartialEq for Asked {
-    fn eq(&self, other: &Self) -> bool {
-        self.name() == other.name() && self.values == other.values
-    }
-}
-
 impl Asked {
     /// The morphological filter.
     pub const FILTER: Self = Self::plain(&filter::METHOD);
     /// The method that is taken where none is named.
     pub const BEST: Self = Self::plain(&adaptive::METHOD);
 
-    /// A method with its defaults.
-    pub const fn plain(method: &'static Method) -> Self {
-        let (mut values, mut i) = ([0.0; MOST], 0);
-        while i < method.parameters.len() {
-            values[i] = method.parameters[i].default;
-            i += 1;
-        }
-        Self { method, values }
-    }
-
-    /// Reads a method as it is asked for: `csf:rigidness=2,cloth=1`.
-    ///
-    /// # Errors
-    /// Usage: a name or parameter that is not known (the known ones are told), one twice, or a value
-    /// out of its range.
-    pub fn parse(text: &str) -> Result<Self> {
-        let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
-        let mut asked = Self::plain(named(METHODS, name.trim())?);
-        let mut given = [false; MOST];
-        for pair in parameters.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
-            let (at, value) = asked.pair(pair)?;
-            if std::mem::replace(&mut given[at], true) {
-                return Err(Error::usage(format!("\"{pair}\" is given twice")));
-            }
-            asked.values[at] = value;
-        }
-        Ok(asked)
-    }
-
-    /// The place and the value of a parameter "key=value".
-    fn pair(&self, pair: &str) -> Result<(usize, f64)> {
-        let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
-        let parameters = self.method.parameters;
-        let at = parameters.iter().position(|p| p.key.eq_ignore_ascii_case(key.trim()));
-        let value = value.trim().parse::<f64>().ok();
-        match at.zip(value).filter(|(at, value)| parameters[*at].allows(*value)) {
-            Some(found) => Ok(found),
-            None => Err(self.refusal(pair)),
-        }
-    }
-
-    fn refusal(&self, pair: &str) -> Error {
-        let error = Error::usage(format!("\"{pair}\" is no parameter of {}", self.name()));
-        match self.method.parameters {
-            [] => error.remedy(format!("{} takes none", self.name())),
-            some => {
-                let known: Vec<String> = some.iter().map(Parameter::text).collect();
-                error.remedy(format!("it takes {}", known.join(", ")))
-            }
-        }
-    }
-
-    /// The name of the method.
-    pub fn name(&self) -> &'static str {
-        self.method.name
-    }
-
-    /// The value of a parameter; NaN where there is no such.
-    pub(crate) fn value(&self, key: &str) -> f64 {
-        let at = self.method.parameters.iter().position(|p| p.key == key);
-        at.map_or(f64::NAN, |at| self.values[at])
-    }
-
     /// How the plane is divided, points being `spacing` metres apart.
     pub fn lattice(&self, spacing: f64) -> Lattice {
-        (self.method.lattice)(self, spacing)
+        (self.finder().lattice)(self, spacing)
     }
 
     /// The ground under the cells of a window, or of a square with its halo.
     pub fn find(&self, lows: &Lows<'_>) -> Ground {
-        (self.method.find)(self, lows)
-    }
-}
-
-impl fmt::Display for Asked {
-    /// As [`parse`](Asked::parse) reads it, with all parameters.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())?;
-        let pairs = self.method.parameters.iter().zip(self.values).enumerate();
-        pairs.into_iter().try_for_each(|(i, (parameter, value))| {
-            write!(f, "{}{}={value}", if i == 0 { ':' } else { ',' }, parameter.key)
-        })
-    }
-}
-
-impl Named for Method {
-    const KIND: &'static str = "method to find the ground";
-
-    fn name(&self) -> &'static str {
-        self.name
+        (self.finder().find)(self, lows)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asked::MOST;
 
     #[test]
     fn methods_are_read_with_their_parameters() {

@@ -3,9 +3,10 @@
 //!
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 
+use crate::asked::Parameter;
 use crate::densify::{Cells, Limits, WIDEST, densified};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 
 pub(crate) const METHOD: Method = Method {
@@ -44,8 +45,7 @@ pub(crate) const METHOD: Method = Method {
             "how far from the last triangles ground may lie, metres",
         ),
     ],
-    lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)),
-    find,
+    finder: GroundFinder { lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)), find },
 };
 
 fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {

@@ -5,9 +5,10 @@
 //! openings with discs cut off by more than their radius times a slope is an object; holes are filled
 //! by springs; points near what is left are ground, the further off it the steeper it is.
 
+use crate::asked::Parameter;
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method, Parameter};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 
 pub(crate) const METHOD: Method = Method {
@@ -26,8 +27,7 @@ pub(crate) const METHOD: Method = Method {
         ),
         Parameter::new("scalar", 1.25, [0.0, 100.0], "how much further for a slope of 1, metres"),
     ],
-    lattice: |asked, _| Lattice::fixed(asked.value("cell")),
-    find,
+    finder: GroundFinder { lattice: |asked, _| Lattice::fixed(asked.value("cell")), find },
 };
 
 /// Slope by which a low point stands out, rise over run to the next cell.
