@@ -33,6 +33,9 @@ fn most(asked: &Asked) -> u64 {
     asked.value("isolated") as u64
 }
 
+/// Most steps of a side.
+const MOST_STEPS: f64 = 1e18;
+
 /// Numbers of a cube along x, y and z.
 type Voxel = [i64; 3];
 
@@ -48,7 +51,10 @@ impl Voxels {
         if let Some(step) = space.step.into_iter().find(|step| side < *step) {
             return Err(too_small(side, step));
         }
-        Ok(Self { zero: space.zero, side: space.step.map(|step| (side / step).round() as i64) })
+        Ok(Self {
+            zero: space.zero,
+            side: space.step.map(|step| (side / step).round().min(MOST_STEPS) as i64),
+        })
     }
 
     fn of(&self, point: Point) -> Voxel {
