@@ -6,7 +6,7 @@
 //! that the ground of a cloud is a function of the cloud alone.
 
 mod adaptive;
-mod asked;
+pub mod asked;
 mod csf;
 mod densify;
 pub mod filter;
@@ -22,7 +22,7 @@ mod smrf;
 mod surface;
 mod tin;
 
-pub use asked::{Finder, Parameter};
+pub use asked::Parameter;
 pub use lows::{EMPTY, Lows, NO_POINT};
 pub use method::{Asked, GroundFinder, Lattice, METHODS, Method};
 pub use surface::Ground;

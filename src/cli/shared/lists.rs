@@ -1,6 +1,8 @@
 //! Lists that the help of a verb ends in, taken from the registries.
 
 use crate::{attribute, gridding, line, mesh, methods, raster, synth, vector};
+use terrane_ground::asked::{Finder, Method, Parameter};
+use terrane_ground::noise;
 
 /// The last list of verbs that can fail in every way.
 pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
@@ -57,18 +59,23 @@ fn attributes() -> String {
 }
 
 pub(crate) fn grounds() -> String {
-    let all = terrane_ground::METHODS;
-    let row = |m: &terrane_ground::Method| (m.name, m.source.to_owned(), m.about);
-    let methods = list("Methods of --ground", &all.iter().map(row).collect::<Vec<_>>());
-    let own = all.iter().flat_map(|m| m.parameters.iter().map(move |p| (m, p)));
-    let row = |(m, p): (&terrane_ground::Method, &terrane_ground::Parameter)| {
-        (m.name, format!("{}={}", p.key, p.default), p.about)
+    finders(terrane_ground::METHODS, "--ground", "csf:rigidness=2,cloth=0.5")
+}
+
+pub(crate) fn noises() -> String {
+    finders(noise::METHODS, "--classify noise", "noise:statistical:k=12,m=3")
+}
+
+/// Methods of an option and their parameters, with an example of these.
+fn finders<F: Finder>(all: &[Method<F>], option: &str, example: &str) -> String {
+    let row = |m: &Method<F>| (m.name, m.source.to_owned(), m.about);
+    let methods = list(&format!("Methods of {option}"), &all.iter().map(row).collect::<Vec<_>>());
+    let own = all.iter().flat_map(|m| m.parameters.iter().map(move |p| (m.name, p)));
+    let row = |(name, p): (&'static str, &'static Parameter)| {
+        (name, format!("{}={}", p.key, p.default), p.about)
     };
-    let rows: Vec<_> = own.map(row).collect();
-    format!(
-        "{methods}\n\n{}",
-        list("Parameters, as in csf:rigidness=2,cloth=0.5, with defaults", &rows)
-    )
+    let heading = format!("Parameters, as in {example}, with defaults");
+    format!("{methods}\n\n{}", list(&heading, &own.map(row).collect::<Vec<_>>()))
 }
 
 fn other_names(method: &gridding::Method) -> String {
