@@ -242,7 +242,9 @@ fn noise_gets_its_class_and_is_no_ground() {
     let squares = "--classify noise:voxel:step=1.5,isolated=25 --tile 20 --buffer 3 --thin 0.5";
     let squares: Vec<&str> = squares.split(' ').collect();
     place.ok(&[&["points", "dirty.laz", "whole"][..], &squares].concat());
-    place.ok(&[&["points", "dirty.laz", "parts", "--workdir", "work"][..], &squares].concat());
+    place
+        .ok(&[&["plan", "points", "dirty.laz", "-o", "work", "--cut", "1"][..], &squares].concat());
+    place.ok(&["run", "work", "-o", "parts"]);
     let names = |folder: &str| {
         let names = std::fs::read_dir(place.path(folder)).unwrap();
         let mut names: Vec<_> = names.map(|entry| entry.unwrap().file_name()).collect();
