@@ -94,7 +94,7 @@ pub use terrane_jobs::translate::{
     TranslateReport,
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
-pub use terrane_jobs::{Cancel, Progress};
+pub use terrane_jobs::{Cancel, FileAt, Progress};
 pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType, WaterReport};
 
 /// The code of the tutorial, tested with that of the documentation.

@@ -12,6 +12,7 @@ mod cli_support;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
+use std::sync::Mutex;
 
 use cli_support::Place;
 
@@ -37,13 +38,13 @@ fn peak_mib(place: &Place, threads: &str, budget: &str) -> f64 {
 #[cfg(target_os = "linux")]
 fn a_budget_is_kept_that_the_mesh_would_break() {
     let place = Place::new();
-    for (threads, budget) in [("1", 30.0), ("2", 40.0)] {
+    for (threads, budget) in [("1", 30.0), ("2", 38.0)] {
         let free = peak_mib(&place, threads, "4G");
         assert!(free > 1.2 * budget, "the job needs only {free} MiB and proves nothing");
         let bound = peak_mib(&place, threads, &format!("{budget}M"));
         assert!(bound <= budget, "{bound} MiB of {budget} with {threads} threads");
     }
-    let same = same_bytes(&place.path("1-4G.ply"), &place.path("2-40M.ply"));
+    let same = same_bytes(&place.path("1-4G.ply"), &place.path("2-38M.ply"));
     assert!(same, "the budget left a trace");
 }
 
@@ -76,7 +77,7 @@ fn a_large_block_takes_little_beyond_the_budget() {
     let report: serde_json::Value = serde_json::from_str(&report.out).unwrap();
     let [peak, vertices] = ["peak_memory", "vertices"].map(|key| report[key].as_f64().unwrap());
     let own = (peak - vertices * 8.0) / f64::from(1 << 20);
-    assert!(own < 56.0, "{own} MiB without the ids of {vertices} vertices");
+    assert!(own < 54.0, "{own} MiB without the ids of {vertices} vertices");
 }
 
 #[test]
@@ -267,6 +268,8 @@ const JOBS: &[&str] = &[
     "convert large.tif o2.tif -f COG --resolution 90 --resampling bilinear",
     "color-relief large.tif colours.txt o3.tif --alpha",
     "color-relief large.tif colours.txt o4.png",
+    "slope large.tif o5.tif",
+    "hillshade large.tif o6.tif",
     "contour large.tif -o o.fgb --interval 100",
     "view dem.tif -o o.png --width 400",
     "view dem.ply -o o.png --width 400",
@@ -306,8 +309,8 @@ const JOBS: &[&str] = &[
 
 /// Budgets of the table, in MiB.
 ///
-/// The code of a program with checks alone takes 18.
-const BUDGETS: [u64; 4] = [28, 32, 64, 256];
+/// The code of a program with checks alone takes 17.
+const BUDGETS: [u64; 4] = [26, 32, 64, 256];
 
 /// Runs a job with so much memory: its exit code, what it said, and the MiB that it took.
 ///
@@ -358,39 +361,66 @@ fn repeated(job: &str) -> String {
 #[test]
 #[cfg(target_os = "linux")]
 fn no_verb_takes_more_than_it_may() {
-    let place = Place::new();
+    let (place, other) = (Place::new(), Place::new());
     make_inputs(&place);
-    let mut faults = Vec::new();
-    for job in JOBS {
-        let again = repeated(job);
-        let mut done = 0;
-        for mib in BUDGETS {
-            // One that is refused keeps within its memory, too.
-            let mut run = |mib: u64| {
-                let (code, told, peak) = measured(&place, &again, mib);
-                if peak > mib as f64 {
-                    faults.push(format!("{job}: {peak:.1} MiB of {mib}, exit code {code}"));
-                }
-                (code, told)
-            };
-            let (mut mib, (mut code, mut told)) = (mib, run(mib));
-            // Of one feature that is too large its own need is told, and what its neighbours take once
-            // that is met, as docs/src/guide/promises.md says; otherwise what is told to be enough is enough.
-            let steps =
-                if told.contains("a feature of") && job.contains("--topology") { 2 } else { 1 };
-            for _ in 0..steps {
-                if code != 75 {
-                    break;
-                }
-                let Some(enough) = advised(&told).filter(|enough| *enough > mib) else { break };
-                (mib, (code, told)) = (enough, run(enough));
-            }
-            if code != 0 {
-                faults.push(format!("{job}, {mib} MiB: exit code {code}, {told}"));
-            }
-            done += u64::from(code == 0);
-        }
-        assert!(done > 0, "{job} was never done: {faults:?}");
-    }
+    link(&place.path(""), &other.path(""));
+    let jobs = Mutex::new(JOBS.iter());
+    let work = |place: &Place| {
+        let next = || jobs.lock().unwrap().next();
+        std::iter::from_fn(next).flat_map(|job| faults_of(place, job)).collect::<Vec<_>>()
+    };
+    let faults = std::thread::scope(|scope| {
+        let beside = scope.spawn(|| work(&other));
+        [work(&place), beside.join().unwrap()].concat()
+    });
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Gives the files of a folder names in another.
+#[cfg(target_os = "linux")]
+fn link(folder: &Path, other: &Path) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let new = other.join(path.file_name().unwrap());
+        match path.is_dir() {
+            true => {
+                std::fs::create_dir(&new).unwrap();
+                link(&path, &new);
+            }
+            false => std::fs::hard_link(&path, &new).unwrap(),
+        }
+    }
+}
+
+/// Where a job took more than it may, or failed with what it was told is enough.
+#[cfg(target_os = "linux")]
+fn faults_of(place: &Place, job: &str) -> Vec<String> {
+    let (again, mut faults, mut done) = (repeated(job), Vec::new(), 0);
+    for mib in BUDGETS {
+        // One that is refused keeps within its memory, too.
+        let mut run = |mib: u64| {
+            let (code, told, peak) = measured(place, &again, mib);
+            if peak > mib as f64 {
+                faults.push(format!("{job}: {peak:.1} MiB of {mib}, exit code {code}"));
+            }
+            (code, told)
+        };
+        let (mut mib, (mut code, mut told)) = (mib, run(mib));
+        // Of one feature that is too large its own need is told, and what its neighbours take once
+        // that is met, as docs/src/guide/promises.md says; otherwise what is told to be enough is enough.
+        let steps = if told.contains("a feature of") && job.contains("--topology") { 2 } else { 1 };
+        for _ in 0..steps {
+            if code != 75 {
+                break;
+            }
+            let Some(enough) = advised(&told).filter(|enough| *enough > mib) else { break };
+            (mib, (code, told)) = (enough, run(enough));
+        }
+        if code != 0 {
+            faults.push(format!("{job}, {mib} MiB: exit code {code}, {told}"));
+        }
+        done += u64::from(code == 0);
+    }
+    assert!(done > 0, "{job} was never done: {faults:?}");
+    faults
 }

@@ -98,12 +98,14 @@ def compare_heights(before, after):
 
 def compare_distances(before, after, least):
     """What is wrong with points of a file that keep a distance in space."""
-    places = lambda las: np.column_stack([las.X, las.Y, las.Z]) * las.header.scales
+    # Whole steps from a corner of the cloud: far from zero doubles are too coarse.
+    corner = np.array([before.X.min(), before.Y.min(), before.Z.min()], dtype=np.int64)
+    steps = lambda las: np.column_stack([las.X, las.Y, las.Z]).astype(np.int64)
+    places = lambda las: (steps(las) - corner) * las.header.scales
     kept = cKDTree(places(after))
     near = kept.query(places(after), k=2)[0][:, 1].min() if len(after) > 1 else least
     far = kept.query(places(before))[0].max()
-    # Coordinates in doubles are right to some nanometres.
-    hair = 1e-7 * least
+    hair = 1e-9 * least
     if near < least - hair or far >= least + hair:
         yield f"{len(after)} points {near} from each other, and one {far} from all"
 

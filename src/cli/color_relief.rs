@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::cli::convert;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, report};
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::colours::{self, ColourJob};
@@ -37,15 +37,8 @@ pub(super) struct Args {
     /// Write opacity, too, as a fourth band
     #[arg(long)]
     alpha: bool,
-    /// Format to write: GTiff, COG or PNG [default: by the output's ending]
-    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
-    format: Option<String>,
-    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
-    #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value, help_heading = "Output")]
-    co: Vec<(String, String)>,
-    /// Replace a file that exists
-    #[arg(long, help_heading = "Output")]
-    overwrite: bool,
+    #[command(flatten)]
+    written: args::Written,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -74,7 +67,7 @@ impl Verb for Args {
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
         let (colours, inputs) = self.colours()?;
-        let format = write::of_colours(&self.output, self.format.as_deref())?;
+        let format = write::of_colours(&self.output, self.written.format.as_deref())?;
         let resources = self.machine.resources();
         let grids = self.grid.open_options(&resources);
         let Sifted { names, skipped } =
@@ -82,9 +75,9 @@ impl Verb for Args {
         self.grid.check_all(&names)?;
         let copy = ConvertJob {
             format: Some(format.name.to_owned()),
-            creation: self.co.clone(),
+            creation: self.written.co.clone(),
             reading: self.grid.reading(None),
-            overwrite: self.overwrite,
+            overwrite: self.written.overwrite,
             resources,
             ..ConvertJob::new(names, &self.output)
         };

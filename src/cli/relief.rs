@@ -42,15 +42,8 @@ pub(super) struct Args<W: Wanted> {
     /// latitude]
     #[arg(long, value_name = "S", value_parser = parse::positive)]
     scale: Option<f64>,
-    /// Format to write [default: by the output's ending]
-    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
-    format: Option<String>,
-    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
-    #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value, help_heading = "Output")]
-    co: Vec<(String, String)>,
-    /// Replace a file that exists
-    #[arg(long, help_heading = "Output")]
-    overwrite: bool,
+    #[command(flatten)]
+    written: args::Written,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -90,10 +83,10 @@ impl<W: Wanted> Verb for Args<W> {
             self.many.take(&self.input, many::Kind::Grids(&options), &resources)?;
         self.grid.check_all(&names)?;
         let copy = ConvertJob {
-            format: self.format.clone(),
-            creation: self.co.clone(),
+            format: self.written.format.clone(),
+            creation: self.written.co.clone(),
             reading: self.grid.reading(None),
-            overwrite: self.overwrite,
+            overwrite: self.written.overwrite,
             resources,
             ..ConvertJob::new(names, &self.output)
         };

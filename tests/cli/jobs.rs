@@ -205,6 +205,36 @@ fn progress_for_programs_is_one_object_per_line() {
     }
 }
 
+#[test]
+fn progress_of_several_files_tells_which_is_read() {
+    let place = Place::new();
+    for file in ["a.laz", "b.laz", "c.las"] {
+        let seed = file.as_bytes()[0];
+        place.ok(&["synth", &format!("cloud,size=40,density=3,seed={seed}"), file]);
+    }
+    let verbs: [&[&str]; 6] = [
+        &["points", "a.laz", "b.laz", "c.las", "all.laz"],
+        &["points", "a.laz", "b.laz", "c.las", "thin.laz", "--thin", "2"],
+        &["grid", "a.laz", "b.laz", "c.las", "grid.tif", "--cell", "2"],
+        &["grid", "a.laz", "b.laz", "c.las", "ground.tif", "--cell", "2", "--dtm"],
+        &["tin", "a.laz", "b.laz", "c.las", "mesh.ply", "--max-error", "1"],
+        &["info", "a.laz", "b.laz", "c.las", "--stats"],
+    ];
+    for args in verbs {
+        let ran = place.ok(&[args, &["--progress", "json", "--threads", "1"]].concat());
+        let told = ran.err.lines().filter(|line| line.starts_with('{')).map(json);
+        let files: Vec<_> = told.filter(|status| status.get("file").is_some()).collect();
+        assert!(!files.is_empty(), "{args:?}: {}", ran.err);
+        for status in files {
+            let number = status["file_number"].as_u64().unwrap() as usize;
+            assert!(status["file"].as_str().unwrap().ends_with(args[number]), "{status}");
+            assert_eq!(status["files"], 3, "{status}");
+        }
+    }
+    let one = place.ok(&["grid", "a.laz", "one.tif", "--cell", "2", "--progress", "json"]);
+    assert!(!one.err.contains("file"), "{}", one.err);
+}
+
 /// A command that does not ignore a signal though the tests may, and with them all that they start: those
 /// that a shell without job control put into the background ignore INT, those under nohup HUP.
 #[cfg(unix)]

@@ -17,9 +17,12 @@ const GROVE: &str = "synth:cloud,size=520,density=0.15,seed=8";
 /// A kind of plan.
 struct Kind {
     name: &'static str,
-    plan: &'static [&'static str],
-    /// One run without a plan, to `whole` with the ending.
-    single: &'static [&'static str],
+    verb: &'static str,
+    input: &'static str,
+    /// What is asked for, of a plan and of one run without.
+    how: &'static [&'static str],
+    /// How large tasks are.
+    cut: [&'static str; 2],
     ending: &'static str,
     output: &'static str,
 }
@@ -27,37 +30,45 @@ struct Kind {
 const KINDS: [Kind; 5] = [
     Kind {
         name: "tin",
-        plan: &["tin", TERRAIN, "--max-error", "4", "--tile", "64", "--strip-rows", "3"],
-        single: &["tin", TERRAIN, "whole.ply", "--max-error", "4", "--tile", "64"],
+        verb: "tin",
+        input: TERRAIN,
+        how: &["--max-error", "4", "--tile", "64"],
+        cut: ["--strip-rows", "3"],
         ending: "ply",
         output: "mesh.ply",
     },
     Kind {
         name: "grid",
-        plan: &["grid", CLOUD, "--tile", "256", "--cell", "1", "--stat", "tin:max_edge=8,mean"],
-        single: &["grid", CLOUD, "whole.tif", "--cell", "1", "--stat", "tin:max_edge=8,mean"],
+        verb: "grid",
+        input: CLOUD,
+        how: &["--cell", "1", "--stat", "tin:max_edge=8,mean"],
+        cut: ["--tile", "256"],
         ending: "tif",
         output: "grid.tif",
     },
     Kind {
         name: "canopy",
-        plan: &["grid", GROVE, "--tile", "256", "--cell", "1", "--chm", "--ground", "csf"],
-        single: &["grid", GROVE, "whole.tif", "--cell", "1", "--chm", "--ground", "csf"],
+        verb: "grid",
+        input: GROVE,
+        how: &["--cell", "1", "--chm", "--ground", "csf:cloth=4"],
+        cut: ["--tile", "256"],
         ending: "tif",
         output: "grid.tif",
     },
     Kind {
         name: "tiles",
-        plan: &["tiles", "dem.asc", "--cut", "3"],
-        single: &["tiles", "dem.asc", "whole.tiles"],
+        verb: "tiles",
+        input: "dem.asc",
+        how: &[],
+        cut: ["--cut", "3"],
         ending: "tiles",
         output: "tiles",
     },
     Kind {
         name: "points",
-        plan: &[
-            "points",
-            "grove.laz",
+        verb: "points",
+        input: "grove.laz",
+        how: &[
             "--tile",
             "90",
             "--buffer",
@@ -70,40 +81,29 @@ const KINDS: [Kind; 5] = [
             "--sort",
             "morton",
             "--ground",
-            "csf",
-            "--height-above-ground",
-            "--classify",
-            "ground",
-            "--cut",
-            "2",
-        ],
-        single: &[
-            "points",
-            "grove.laz",
-            "whole.squares",
-            "--tile",
-            "90",
-            "--buffer",
-            "12",
-            "--thin",
-            "1.5:lowest",
-            "--drop-overlap=20",
-            "--attribute",
-            "intensity=intensity/2",
-            "--sort",
-            "morton",
-            "--ground",
-            "csf",
+            "csf:cloth=4",
             "--height-above-ground",
             "--classify",
             "ground",
         ],
+        cut: ["--cut", "2"],
         ending: "squares",
         output: "points",
     },
 ];
 
 impl Kind {
+    /// The command that plans in `folder`.
+    fn plan<'a>(&'a self, folder: &'a str) -> Vec<&'a str> {
+        let command = ["plan", self.verb, self.input, "-o", folder];
+        [&command[..], self.how, &self.cut].concat()
+    }
+
+    /// The command that makes `output` without a plan.
+    fn single<'a>(&'a self, output: &'a str) -> Vec<&'a str> {
+        [&[self.verb, self.input, output][..], self.how].concat()
+    }
+
     /// A folder with all files that kinds read.
     fn place(&self) -> Place {
         match self.name {
@@ -157,9 +157,10 @@ struct Work {
 impl Work {
     fn new(kind: &'static Kind) -> Self {
         let place = kind.place();
-        place.ok(&[kind.single, &["-q"]].concat());
-        let expected = contents(&place.path(&format!("whole.{}", kind.ending)));
-        place.ok(&[&["plan"], kind.plan, &["-o", "work", "-q"]].concat());
+        let whole = format!("whole.{}", kind.ending);
+        place.ok(&[&kind.single(&whole)[..], &["-q"]].concat());
+        let expected = contents(&place.path(&whole));
+        place.ok(&[&kind.plan("work")[..], &["-q"]].concat());
         let mut work = Self { kind, place, expected, tasks: Vec::new() };
         let status = work.status();
         let ids = status["to_do"].as_array().unwrap().iter().map(|t| t["id"].as_str().unwrap());
@@ -428,8 +429,7 @@ fn a_mistyped_folder_makes_no_folder() {
             place.fails(verb, 65, &["tpyo", "holds no plan"]);
         }
         place.fails(&["run", "tpyo", "--task", "finish"], 65, &["tpyo", "holds no plan"]);
-        let plan = [&["plan"], kind.plan, &["-o", "tpyo/work"]].concat();
-        place.fails(&plan, 73, &["tpyo/work", "make tpyo first"]);
+        place.fails(&kind.plan("tpyo/work"), 73, &["tpyo/work", "make tpyo first"]);
         let work = Work::new(kind);
         let output = format!("tpyo/whole.{}", kind.ending);
         for verb in [&["run", "work", "-o", &output][..], &["finish", "work", &output]] {
@@ -438,7 +438,8 @@ fn a_mistyped_folder_makes_no_folder() {
         assert_eq!(work.status()["done"], 0, "told before the work");
     }
     for kind in [&KINDS[0], &KINDS[3], &KINDS[4]] {
-        let single = [kind.single, &["--workdir", "tpyo/work"]].concat();
+        let whole = format!("whole.{}", kind.ending);
+        let single = [&kind.single(&whole)[..], &["--workdir", "tpyo/work"]].concat();
         kind.place().fails(&single, 73, &["tpyo/work", "make tpyo first"]);
     }
 }

@@ -216,7 +216,7 @@ fn order_parts_threads_and_memory_leave_no_trace() {
     };
     let (report, expected) = run_as(&points, 60_000, 1, 4 << 30);
     assert_eq!(report.run.spilled_bytes, Some(0));
-    let (report, bytes) = run_as(&points, 1000, 1, 38 << 20);
+    let (report, bytes) = run_as(&points, 1000, 1, 39 << 20);
     assert!(
         report.run.spilled_bytes > Some(0) && bytes == expected,
         "{:?} spilled",

@@ -425,7 +425,7 @@ fn what_does_not_fit_into_memory_is_refused() {
         let path = folder.path().join("a.geojson");
         let mut job = job("memory", &path, 1.0, 64, 1);
         job.heights = Heights::List(vec![0.5]);
-        job.resources.memory = 31 << 20;
+        job.resources.memory = 32 << 20;
         let error = trace(&grid, &job, &Silent, &Cancel::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
         let told = error.to_string();

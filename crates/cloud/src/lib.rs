@@ -132,6 +132,11 @@ pub trait PointSource: Send + Sync {
         &[]
     }
 
+    /// Which of [`PointSource::files`] part `part` is of.
+    fn file_of(&self, _part: usize) -> Option<usize> {
+        None
+    }
+
     /// What is odd about it, or easily overlooked, one line each.
     fn notes(&self) -> &[String] {
         &[]

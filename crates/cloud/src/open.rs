@@ -107,12 +107,6 @@ impl Cloud {
         self.lattice.map_or([0; 3], |(_, by)| by)
     }
 
-    /// The file that a part is of.
-    pub fn file_of(&self, part: usize) -> Option<&str> {
-        let (number, ..) = self.part(part).ok()?;
-        self.names.get(number).map(String::as_str)
-    }
-
     /// A part: the number of its file, the file, and the part of it.
     pub(super) fn part(&self, part: usize) -> Result<(usize, &Member, usize)> {
         let found = self.parts.get(part).and_then(|(number, inner)| {
@@ -126,6 +120,10 @@ impl Cloud {
 impl PointSource for Cloud {
     fn files(&self) -> &[String] {
         &self.names
+    }
+
+    fn file_of(&self, part: usize) -> Option<usize> {
+        self.part(part).ok().map(|(number, ..)| number)
     }
 
     fn notes(&self) -> &[String] {

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::heights::{Heights, Spread};
 use crate::input::workers;
-use crate::{Cancel, Progress, Resources};
+use crate::{Cancel, FileAt, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_cloud::{Census, Cloud, Flags, PointSource, Record};
@@ -82,6 +82,7 @@ pub fn cloud_stats(
     let stats = workers(resources)?.install(|| {
         let measured = (0..cloud.parts()).into_par_iter().map(|part| {
             cancel.check()?;
+            FileAt::tell(progress, cloud, part);
             let mut stats = CloudStats::default();
             stats.census = cloud.records(part, &mut |record| stats.add(record))?;
             progress.advance(cloud.points_of(part));

@@ -134,9 +134,7 @@ impl Painted {
                 for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
                     let down = (piece.row - rect.row) as usize + down;
                     let first = down * rect.width as usize + (piece.col - rect.col) as usize;
-                    for (colour, height) in colours[first..].iter_mut().zip(heights) {
-                        *colour = self.table.at(*height);
-                    }
+                    self.table.paint(heights, &mut colours[first..]);
                 }
             }
         }

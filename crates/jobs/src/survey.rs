@@ -11,7 +11,7 @@ use super::input::workers;
 use super::memory::PROGRAM;
 use super::{Cancel, Progress, Resources};
 use crate::plan::At;
-use crate::records::{Flow, Packer, Records, Take};
+use crate::records::{Flow, Packer, Records, Take, Unit};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::synth;
 use terrane_cloud::write::{self, CloudWriter, Layout, Packing, PointFormat, Record, WriteOptions};
@@ -112,7 +112,7 @@ fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<Flow> {
     }
     let parts = parts.min(resources.threads as u64 * PARTS_BY_THREAD);
     let record = flown.layout.size();
-    Ok(Flow { record, round: parts * flown.points(0) * record as u64 })
+    Ok(Flow { record, round: parts * flown.unit(0).points * record as u64 })
 }
 
 /// The parts of a survey as records.
@@ -126,8 +126,8 @@ impl Records for Flown<'_> {
         self.survey.parts()
     }
 
-    fn points(&self, _: usize) -> u64 {
-        self.survey.expected().div_ceil(self.survey.parts().max(1) as u64)
+    fn unit(&self, _: usize) -> Unit<'_> {
+        Unit::of(self.survey.expected().div_ceil(self.survey.parts().max(1) as u64))
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

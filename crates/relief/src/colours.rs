@@ -169,6 +169,30 @@ pub struct Table {
 }
 
 impl Table {
+    /// Colours of heights, as [`Table::at`] tells them. Heights that lie between the same two as the one before, as
+    /// neighbours mostly do, take constant time.
+    pub fn paint(&self, heights: &[f64], colours: &mut [Colour]) {
+        let mut span = Span::default();
+        for (colour, height) in colours.iter_mut().zip(heights) {
+            if !span.holds(*height) {
+                span = self.span(*height);
+            }
+            *colour = if span.holds(*height) { span.at(*height) } else { self.at(*height) };
+        }
+    }
+
+    /// What a height lies between, where colours are mixed.
+    fn span(&self, height: f64) -> Span {
+        let above = self.heights.partition_point(|own| *own < height);
+        match (above.checked_sub(1), self.heights.get(above), self.between) {
+            (Some(below), Some(high), Between::Mixed) => Span {
+                ends: [self.heights[below], *high],
+                colours: [self.colours[below], self.colours[above]],
+            },
+            _ => Span::default(),
+        }
+    }
+
     /// The colour of a height; that of voids for what is not a number. Takes time logarithmic in the colours.
     #[inline]
     pub fn at(&self, height: f64) -> Colour {
@@ -185,12 +209,32 @@ impl Table {
                 self.colours[if height - low < high - height { above - 1 } else { above }]
             }
             (above, Between::Mixed) => {
-                let [low, high] = [self.heights[above - 1], self.heights[above]];
-                let share = (height - low) / (high - low);
-                let [from, to] = [self.colours[above - 1], self.colours[above]];
-                std::array::from_fn(|part| mixed(from[part], to[part], share))
+                let ends = [self.heights[above - 1], self.heights[above]];
+                Span { ends, colours: [self.colours[above - 1], self.colours[above]] }.at(height)
             }
         }
+    }
+}
+
+/// Two heights that follow each other in a table, and their colours.
+#[derive(Clone, Copy, Default)]
+struct Span {
+    ends: [f64; 2],
+    colours: [Colour; 2],
+}
+
+impl Span {
+    /// True for heights between the ends.
+    #[inline(always)]
+    fn holds(&self, height: f64) -> bool {
+        self.ends[0] < height && height < self.ends[1]
+    }
+
+    #[inline(always)]
+    fn at(&self, height: f64) -> Colour {
+        let ([low, high], [from, to]) = (self.ends, self.colours);
+        let share = (height - low) / (high - low);
+        std::array::from_fn(|part| mixed(from[part], to[part], share))
     }
 }
 
@@ -293,6 +337,10 @@ mod tests {
             };
             let found = table.at(height);
             prop_assert_eq!(found[3], 255);
+            let mut painted = [Colour::default(); 7];
+            let heights = [height, height + 0.5, last.0, f64::NAN, first.0 - 1.0, -height, height];
+            table.paint(&heights, &mut painted);
+            prop_assert_eq!(painted, heights.map(|height| table.at(height)));
             prop_assert!((0..3).all(|i| (f64::from(found[i]) - expected[i]).abs() <= 0.5 + 1e-9));
         }
     }

@@ -268,6 +268,13 @@ pub struct Fill {
     square: u32,
 }
 
+/// The nearest whole number, without a call for what 64 bits hold.
+#[inline(always)]
+fn whole(value: f64) -> i128 {
+    let nearest = value.round();
+    if nearest.abs() < 9.2e18 { i128::from(nearest as i64) } else { nearest as i128 }
+}
+
 /// Sums for a [`Fill`], of samples in any order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Means {
@@ -302,7 +309,7 @@ impl Means {
             let (piece, rest) = left.split_at(here as usize);
             let (mut sum, mut count) = (0, 0);
             for height in piece.iter().filter(|height| height.is_finite()) {
-                sum += (height * FRACTION).round() as i128;
+                sum += whole(height * FRACTION);
                 count += 1;
             }
             self.sum(row / self.square * self.width + col / self.square, sum, count);

@@ -31,12 +31,8 @@ pub(super) struct Args {
     pub(super) input: Vec<String>,
     #[arg(skip)]
     pub(super) output: PathBuf,
-    /// Format to write [default: by the output's ending]
-    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
-    format: Option<String>,
-    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
-    #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value, help_heading = "Output")]
-    co: Vec<(String, String)>,
+    #[command(flatten)]
+    written: args::Written,
     /// Type of the written samples, such as int16 or float32 [default: the input's]
     #[arg(long = "type", value_name = "NAME", value_parser = parse::sample_type,
           help_heading = "Output")]
@@ -48,9 +44,6 @@ pub(super) struct Args {
     /// Write the nearest value where the type does not hold a height exactly
     #[arg(long, help_heading = "Output")]
     round: bool,
-    /// Replace a file that exists
-    #[arg(long, help_heading = "Output")]
-    overwrite: bool,
     /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their
     /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any())]
@@ -102,13 +95,13 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     input = args.many.find(&input, grids)?;
     args.grid.check_all(&input)?;
     let job = ConvertJob {
-        format: args.format.clone(),
-        creation: args.co.clone(),
+        format: args.written.format.clone(),
+        creation: args.written.co.clone(),
         reading: args.grid.reading(args.water.as_ref()),
         sample_type: args.sample_type,
         out_nodata: args.out_nodata,
         round: args.round,
-        overwrite: args.overwrite,
+        overwrite: args.written.overwrite,
         resources: resources.clone(),
         ..ConvertJob::new(input.clone(), &args.output)
     };

@@ -16,6 +16,20 @@ use crate::jobs::reading::Reading;
 use crate::jobs::{Progress, Resources};
 use crate::raster::OpenOptions;
 
+/// The file that a grid is written to.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Written {
+    /// Format to write [default: by the output's ending]
+    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
+    pub(crate) format: Option<String>,
+    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
+    #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value, help_heading = "Output")]
+    pub(crate) co: Vec<(String, String)>,
+    /// Replace a file that exists
+    #[arg(long, help_heading = "Output")]
+    pub(crate) overwrite: bool,
+}
+
 /// How a grid is read.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Grid {

@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use crate::cli::shared::{say, text};
-use crate::jobs::{Progress, Silent};
+use crate::jobs::{FileAt, Progress, Silent};
 
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -38,7 +38,8 @@ pub(crate) fn display(how: How) -> Box<dyn Progress> {
 /// A bar that shows the current stage and vanishes with it.
 struct Bar(Mutex<Option<ProgressBar>>);
 
-const TEMPLATE: &str = "{msg:>10} [{bar:36}] {percent:>3} %  {rate}  {eta_precise} left";
+const TEMPLATE: &str =
+    "{prefix:>10} [{bar:36}] {percent:>3} %  {rate}  {eta_precise} left  {wide_msg}";
 
 impl Bar {
     fn new() -> Self {
@@ -70,7 +71,7 @@ impl Progress for Bar {
             bar.set_style(
                 style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "),
             );
-            bar.set_message(stage.to_owned());
+            bar.set_prefix(stage.to_owned());
             *slot = Some(bar);
         });
     }
@@ -79,6 +80,14 @@ impl Progress for Bar {
         self.with(|slot| {
             if let Some(bar) = slot {
                 bar.inc(units);
+            }
+        });
+    }
+
+    fn file(&self, file: FileAt<'_>) {
+        self.with(|slot| {
+            if let Some(bar) = slot {
+                bar.set_message(InFile::from(file).to_string());
             }
         });
     }
@@ -107,6 +116,7 @@ struct Stage {
     name: String,
     total: u64,
     done: u64,
+    file: Option<InFile>,
     begun: Instant,
     told: Instant,
 }
@@ -121,6 +131,29 @@ struct Status<'a> {
     /// Absent until they can be told.
     per_second: Option<f64>,
     seconds_left: Option<f64>,
+    /// Absent where the input is one file.
+    #[serde(flatten)]
+    file: Option<&'a InFile>,
+}
+
+/// The file that is read, its number from 1, and how many there are.
+#[derive(Debug, Serialize)]
+struct InFile {
+    file: String,
+    file_number: usize,
+    files: usize,
+}
+
+impl From<FileAt<'_>> for InFile {
+    fn from(FileAt { name, number, of }: FileAt<'_>) -> Self {
+        Self { file: name.to_owned(), file_number: number, files: of }
+    }
+}
+
+impl fmt::Display for InFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "file {} of {}: {}", self.file_number, self.files, self.file)
+    }
 }
 
 impl Stage {
@@ -135,6 +168,7 @@ impl Stage {
             seconds,
             per_second: told.then_some(self.done as f64 / seconds),
             seconds_left: told.then_some(left),
+            file: self.file.as_ref(),
         }
     }
 }
@@ -156,7 +190,8 @@ impl Lines {
 impl Progress for Lines {
     fn begin(&self, stage: &str, total: u64) {
         let now = Instant::now();
-        let stage = Stage { name: stage.to_owned(), total, done: 0, begun: now, told: now };
+        let stage =
+            Stage { name: stage.to_owned(), total, done: 0, file: None, begun: now, told: now };
         self.tell(&stage);
         self.with(|slot| *slot = Some(stage));
     }
@@ -168,6 +203,14 @@ impl Progress for Lines {
             if stage.told.elapsed() >= LINE_INTERVAL {
                 stage.told = Instant::now();
                 self.tell(stage);
+            }
+        });
+    }
+
+    fn file(&self, file: FileAt<'_>) {
+        self.with(|slot| {
+            if let Some(stage) = slot {
+                stage.file = Some(file.into());
             }
         });
     }
@@ -189,7 +232,8 @@ fn plain(status: &Status<'_>) -> String {
     let share = status.done as f64 / status.total.max(1) as f64 * 100.0;
     let left = status.seconds_left.map_or(String::new(), |s| format!(", {s:.0} s left"));
     let rate = status.per_second.map_or(String::new(), |units| format!(", {}", rate(units)));
-    format!("{}: {share:.0} %, {:.1} s{rate}{left}", status.stage, status.seconds)
+    let file = status.file.map_or(String::new(), |file| format!(", {file}"));
+    format!("{}: {share:.0} %, {:.1} s{rate}{left}{file}", status.stage, status.seconds)
 }
 
 /// Units (samples, points, triangles) by second.
@@ -207,6 +251,7 @@ mod tests {
             name: "tiles".into(),
             total: 100,
             done: 25,
+            file: None,
             begun: Instant::now(),
             told: Instant::now(),
         };
@@ -217,6 +262,20 @@ mod tests {
         );
         assert!(value["seconds_left"].is_number() && value["per_second"].is_number());
         assert!(plain(&stage.status()).starts_with("tiles: 25 %"));
+        assert!(value.get("file").is_none());
+    }
+
+    #[test]
+    fn a_status_tells_the_file_where_there_are_several() {
+        let now = Instant::now();
+        let file = Some(FileAt { name: "b.laz", number: 2, of: 3 }.into());
+        let stage = Stage { name: "read".into(), total: 9, done: 3, file, begun: now, told: now };
+        let value: serde_json::Value = serde_json::from_str(&json(&stage.status())).unwrap();
+        assert_eq!(
+            (&value["file"], &value["file_number"], &value["files"]),
+            (&"b.laz".into(), &2.into(), &3.into())
+        );
+        assert!(plain(&stage.status()).ends_with(", file 2 of 3: b.laz"));
     }
 
     #[test]

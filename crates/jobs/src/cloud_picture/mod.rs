@@ -16,7 +16,7 @@ use crate::input::workers;
 use crate::memory::{PROGRAM, beside_program};
 use crate::records::choice::ordered;
 use crate::view::write_png;
-use crate::{Cancel, Progress, Resources};
+use crate::{Cancel, FileAt, Progress, Resources};
 use paint::Sheet;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
@@ -260,6 +260,7 @@ impl Map {
         };
         progress.begin("points", cloud.info().count);
         let read = (0..cloud.parts()).into_par_iter().try_for_each(|part| {
+            FileAt::tell(progress, cloud, part);
             sight.read(part, &mut |points| {
                 cancel.check()?;
                 points.iter().for_each(add);

@@ -7,7 +7,7 @@ use super::extent::Extent;
 use super::lane::{Lane, Outside};
 use super::queue::Queue;
 use crate::points::PointStore;
-use crate::{Cancel, Progress};
+use crate::{Cancel, FileAt, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{Census, Columns, PointSource};
@@ -78,6 +78,7 @@ impl Feed<'_> {
         while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
             cancel.check()?;
             let part = self.parts[part];
+            FileAt::tell(progress, self.source, part);
             census.add(&self.read(part, &mut worker)?);
             progress.advance(self.source.points_of(part));
         }

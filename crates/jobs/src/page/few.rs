@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use crate::records::choice::{mixed, ordered};
-use crate::{Cancel, Progress};
+use crate::{Cancel, FileAt, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{BATCH, Census, Cloud, PointSource, Seen, Sight};
@@ -117,6 +117,7 @@ pub(super) fn choose(
     let (sight, fewest) = (Sight::new(cloud)?, Fewest::new(most));
     progress.begin("points", cloud.info().count);
     let read = (0..cloud.parts()).into_par_iter().map(|part| {
+        FileAt::tell(progress, cloud, part);
         let mut tally = Tally::default();
         tally.census = sight.read(part, &mut |points| {
             cancel.check()?;

@@ -31,6 +31,14 @@ pub struct PlanJob<J> {
     pub skipped: Vec<Skipped>,
 }
 
+impl<J: Clone> PlanJob<J> {
+    /// A job in tasks of a fair size.
+    pub(crate) fn all(job: &J, folder: &Path, skipped: &[Skipped]) -> Self {
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        Self { job: job.clone(), folder, cut: None, skipped }
+    }
+}
+
 /// Work on a plan: every byte of what is done already is looked at, what is not done or damaged is made,
 /// and the result written. What is done stays done however the run ends. A named task that is done is
 /// left alone; one that reads a damaged object makes that anew, too.
@@ -54,6 +62,26 @@ pub struct RunJob<F> {
     pub disk: DiskCheck,
     /// What the work may use.
     pub resources: Resources,
+}
+
+impl<F> RunJob<F> {
+    /// All that is left to do in a folder, until the output is there.
+    pub(crate) fn until(
+        (folder, output): (&Path, &Path),
+        overwrite: bool,
+        form: F,
+        (disk, resources): (DiskCheck, &Resources),
+    ) -> Self {
+        Self {
+            folder: folder.to_path_buf(),
+            task: None,
+            output: Some(output.to_path_buf()),
+            overwrite,
+            form,
+            disk,
+            resources: resources.clone(),
+        }
+    }
 }
 
 /// How far the work in the folder `path` has come; objects are looked at, not read through.

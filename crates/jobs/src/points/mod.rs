@@ -21,7 +21,7 @@ pub(crate) use tiling::Tiling;
 
 use crate::sift::Losses;
 use crate::workers;
-use crate::{Cancel, Progress};
+use crate::{Cancel, FileAt, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{Census, PointSource};
@@ -152,7 +152,9 @@ impl PointStore {
         };
         filling.progress.begin("read", parts.iter().map(|part| source.points_of(*part)).sum());
         let part = |found: &mut Census, part: u64| {
-            let read = source.read(parts[part as usize], &mut |batch| take(batch))?;
+            let part = parts[part as usize];
+            FileAt::tell(filling.progress, source, part);
+            let read = source.read(part, &mut |batch| take(batch))?;
             found.add(&read);
             filling.progress.advance(read.read);
             Ok(())

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Flow, Records, Take, numbered};
+use super::{Flow, Records, Take, Unit, numbered};
 use crate::plan::At;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -74,7 +74,7 @@ impl<'a> Chosen<'a> {
         (flow, memory, folder): (Flow, u64, &std::path::Path),
         at: At<'_>,
     ) -> Result<Self> {
-        let points: u64 = (0..records.units()).map(|unit| records.points(unit)).sum();
+        let points: u64 = (0..records.units()).map(|unit| records.unit(unit).points).sum();
         let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
         let buckets = Buckets::new(folder, count as usize, left / 4);
         let (firsts, number) = numbered::pass(records, flow, at, &mut |number, record| {
@@ -108,8 +108,8 @@ impl Records for Chosen<'_> {
         self.records.units()
     }
 
-    fn points(&self, unit: usize) -> u64 {
-        self.records.points(unit)
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 pub(crate) use pack::Packer;
 
+use crate::FileAt;
 use crate::plan::At;
 use terrane_base::error::Result;
 
@@ -19,11 +20,27 @@ pub(crate) trait Records: Sync {
     /// How many units there are.
     fn units(&self) -> usize;
 
-    /// Points of a unit, at most.
-    fn points(&self, unit: usize) -> u64;
+    /// What a unit is.
+    fn unit(&self, unit: usize) -> Unit<'_>;
 
     /// Hands on the records of a unit, in their order.
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()>;
+}
+
+/// Records that are read together.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Unit<'a> {
+    /// How many, at most.
+    pub(crate) points: u64,
+    /// The file that they are read from, where there are several.
+    pub(crate) file: Option<FileAt<'a>>,
+}
+
+impl Unit<'_> {
+    /// Of no file.
+    pub(crate) fn of(points: u64) -> Self {
+        Self { points, file: None }
+    }
 }
 
 /// How many records are on their way at a time.
@@ -51,12 +68,13 @@ impl Flow {
             at.cancel.check()?;
             match round {
                 Round::Many(units) => {
-                    let make = || units.clone().into_par_iter().map(|unit| whole(records, unit));
+                    let make =
+                        || units.clone().into_par_iter().map(|unit| whole(records, unit, at));
                     let (taken, next) =
                         rayon::join(|| pass(&made, take), || make().collect::<Result<Vec<_>>>());
                     taken?;
                     made = next?;
-                    at.progress.advance(units.map(|unit| records.points(unit)).sum());
+                    at.progress.advance(units.map(|unit| records.unit(unit).points).sum());
                 }
                 Round::Large(unit) => {
                     pass(&std::mem::take(&mut made), take)?;
@@ -64,8 +82,9 @@ impl Flow {
                         at.cancel.check()?;
                         take(bytes)
                     };
+                    tell(records, unit, at);
                     records.read(unit, &mut each)?;
-                    at.progress.advance(records.points(unit));
+                    at.progress.advance(records.unit(unit).points);
                 }
             }
         }
@@ -73,7 +92,7 @@ impl Flow {
     }
 
     fn rounds(self, records: &dyn Records) -> Vec<Round> {
-        let bytes = |unit: usize| records.points(unit).saturating_mul(self.record as u64);
+        let bytes = |unit: usize| records.unit(unit).points.saturating_mul(self.record as u64);
         let (mut rounds, mut first, mut held) = (Vec::new(), 0, 0);
         for unit in 0..records.units() {
             let more = bytes(unit);
@@ -98,7 +117,14 @@ fn pass(made: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
     made.iter().try_for_each(|bytes| take(bytes))
 }
 
-fn whole(records: &dyn Records, unit: usize) -> Result<Vec<u8>> {
+fn tell(records: &dyn Records, unit: usize, at: At<'_>) {
+    if let Some(file) = records.unit(unit).file {
+        at.progress.file(file);
+    }
+}
+
+fn whole(records: &dyn Records, unit: usize, at: At<'_>) -> Result<Vec<u8>> {
+    tell(records, unit, at);
     let mut all = Vec::new();
     records.read(unit, &mut |bytes| {
         all.extend_from_slice(bytes);
@@ -120,8 +146,8 @@ mod tests {
             self.0.len()
         }
 
-        fn points(&self, unit: usize) -> u64 {
-            self.0[unit]
+        fn unit(&self, unit: usize) -> Unit<'_> {
+            Unit::of(self.0[unit])
         }
 
         fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

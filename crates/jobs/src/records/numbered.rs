@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use super::{Flow, Records, Take};
+use super::{Flow, Records, Take, Unit};
 use crate::plan::At;
 use terrane_base::error::Result;
 use terrane_files::lock;
@@ -46,8 +46,8 @@ impl Records for Counted<'_> {
         self.records.units()
     }
 
-    fn points(&self, unit: usize) -> u64 {
-        self.records.points(unit)
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

@@ -228,17 +228,9 @@ pub fn run_in(
     if !folder.join(PLAN).exists() {
         terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     }
-    let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-    plan_tiles(&PlanJob { job: job.clone(), folder: folder.clone(), cut: None, skipped })?;
-    let run = RunJob {
-        folder,
-        task: None,
-        output: Some(job.output.clone()),
-        overwrite: job.overwrite,
-        form: (),
-        disk,
-        resources: job.resources.clone(),
-    };
+    plan_tiles(&PlanJob::all(job, folder, skipped))?;
+    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
+    let run = RunJob::until(to, job.overwrite, (), with);
     let report = run_tiles(&run, progress, cancel)?;
     let lost = || Error::new(ErrorKind::Internal, "a run ended without its tiles");
     let mut tiles = report.of.tiles.ok_or_else(lost)?;

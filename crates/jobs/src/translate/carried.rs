@@ -2,9 +2,10 @@
 
 use std::sync::Mutex;
 
+use crate::FileAt;
 use crate::points::parts_in;
 use crate::records::choice::place;
-use crate::records::{Records, Take};
+use crate::records::{Records, Take, Unit};
 use terrane_base::error::Result;
 use terrane_cloud::{Carrier, Census, Cloud, PointSource};
 use terrane_delaunay::Window;
@@ -67,8 +68,9 @@ impl Records for CarriedRecords<'_> {
         self.parts.len()
     }
 
-    fn points(&self, unit: usize) -> u64 {
-        self.cloud.points_of(self.parts[unit])
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        let part = self.parts[unit];
+        Unit { points: self.cloud.points_of(part), file: FileAt::new(self.cloud, part) }
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

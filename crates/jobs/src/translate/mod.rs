@@ -576,7 +576,7 @@ fn finish(writer: CloudWriter) -> Result<Made> {
 }
 
 fn total(records: &dyn Records) -> u64 {
-    (0..records.units()).map(|unit| records.points(unit)).sum()
+    (0..records.units()).map(|unit| records.unit(unit).points).sum()
 }
 
 fn packing(path: &Path) -> Result<Packing> {

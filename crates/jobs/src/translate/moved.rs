@@ -1,7 +1,7 @@
 //! Points in another reference system: what is asked of them is decided before, and what they are put into after.
 
 use crate::records::choice::place;
-use crate::records::{Records, Take};
+use crate::records::{Records, Take, Unit};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, Point, REACH};
 use terrane_cloud::CloudInfo;
@@ -134,8 +134,8 @@ impl Records for MovedRecords<'_> {
         self.records.units()
     }
 
-    fn points(&self, unit: usize) -> u64 {
-        self.records.points(unit)
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

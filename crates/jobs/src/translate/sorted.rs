@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::total;
 use crate::plan::At;
 use crate::records::choice::{ordered, place, time};
-use crate::records::{Flow, Records, Take};
+use crate::records::{Flow, Records, Take, Unit};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointFormat;
 use terrane_files::{Extent, Spool};
@@ -263,8 +263,8 @@ impl Records for Sorted {
         1
     }
 
-    fn points(&self, _: usize) -> u64 {
-        self.points
+    fn unit(&self, _: usize) -> Unit<'_> {
+        Unit::of(self.points)
     }
 
     fn read(&self, _: usize, take: &mut Take<'_>) -> Result<()> {
@@ -298,8 +298,8 @@ mod tests {
             self.0.len().div_ceil(7)
         }
 
-        fn points(&self, unit: usize) -> u64 {
-            self.0.len().saturating_sub(7 * unit).min(7) as u64
+        fn unit(&self, unit: usize) -> Unit<'_> {
+            Unit::of(self.0.len().saturating_sub(7 * unit).min(7) as u64)
         }
 
         fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

@@ -29,6 +29,9 @@ pub(crate) enum Rounding {
     Aside,
 }
 
+/// Heights that are stored together where they are whole.
+const RUN: usize = 256;
+
 /// Calls a generic method for the type of the samples.
 macro_rules! by_type {
     ($codec:expr, $method:ident, $($argument:expr),*) => {
@@ -92,10 +95,15 @@ impl Codec {
         let fill = T::exactly(self.nodata).or(T::HOLE);
         let (bytes, padding) = bytes.split_at_mut(heights.len() * T::BYTES);
         let mut sound = true;
-        for (bytes, height) in bytes.chunks_exact_mut(T::BYTES).zip(heights) {
-            let (value, fits) = self.store::<T, H>(*height, fill);
-            value.write(bytes);
-            sound &= fits;
+        for (bytes, heights) in bytes.chunks_mut(RUN * T::BYTES).zip(heights.chunks(RUN)) {
+            if self.is_plain() && T::write_whole(heights, bytes, fill) {
+                continue;
+            }
+            for (bytes, height) in bytes.chunks_exact_mut(T::BYTES).zip(heights) {
+                let (value, fits) = self.store::<T, H>(*height, fill);
+                value.write(bytes);
+                sound &= fits;
+            }
         }
         for bytes in padding.chunks_exact_mut(T::BYTES) {
             fill.unwrap_or(T::ZERO).write(bytes);
@@ -254,6 +262,12 @@ pub(crate) trait Stored: Copy + PartialEq {
     /// The nearest value of this type, and whether `value` is within its range.
     fn nearest(value: f64) -> (Self, bool);
 
+    /// Writes heights that are whole numbers of this type. False where one is not, or stands for voids; what is written
+    /// is of no use then.
+    fn write_whole<H: Height>(_heights: &[H], _bytes: &mut [u8], _fill: Option<Self>) -> bool {
+        false
+    }
+
     /// This very value, where the type has it.
     fn exactly(value: Option<f64>) -> Option<Self>;
 
@@ -317,6 +331,17 @@ macro_rules! stored_integer {
                 const ROUND: f64 = 6_755_399_441_055_744.0;
                 let whole = (value + ROUND) - ROUND;
                 (whole as $t, f64::from(whole as $t) == whole)
+            }
+
+            fn write_whole<H: Height>(heights: &[H], bytes: &mut [u8], fill: Option<Self>) -> bool {
+                let mut all = true;
+                for (bytes, height) in bytes.chunks_exact_mut(Self::BYTES).zip(heights) {
+                    let height = height.to_f64();
+                    let value = height as $t;
+                    value.write(bytes);
+                    all &= (f64::from(value) == height) & (Some(value) != fill);
+                }
+                all
             }
 
             #[inline(always)]
@@ -464,5 +489,53 @@ impl Stored for f64 {
         let near = (height - offset) / scale;
         let tries = [near, near.next_down(), near.next_up()];
         tries.into_iter().find(|v| v * scale + offset == height).unwrap_or(near)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    impl Codec {
+        /// Runs are stored as heights one by one are.
+        fn check<T: Stored, H: Height>(&self, heights: &[H]) -> Result<(), TestCaseError> {
+            let fill = T::exactly(self.nodata).or(T::HOLE);
+            let (mut slow, mut sound) = (vec![0; heights.len() * T::BYTES], true);
+            for (bytes, height) in slow.chunks_exact_mut(T::BYTES).zip(heights) {
+                let (value, fits) = self.store::<T, H>(*height, fill);
+                value.write(bytes);
+                sound &= fits;
+            }
+            let mut fast = vec![7; slow.len()];
+            let is_sound = self.encode_as::<T, H>(heights, &mut fast).is_ok();
+            prop_assert_eq!((fast, is_sound), (slow, sound));
+            Ok(())
+        }
+    }
+
+    fn height() -> impl Strategy<Value = f64> {
+        let odd = [0.5, -0.0, 1e-9, 255.0, 256.0, -129.0, 65_536.0, 3e9, f64::NAN, f64::INFINITY];
+        prop_oneof![200 => (0..120).prop_map(f64::from), 1 => prop::sample::select(odd.to_vec())]
+    }
+
+    proptest! {
+        #[test]
+        fn runs_are_stored_as_their_heights_one_by_one(
+            heights in prop::collection::vec(height(), 1..900),
+            nodata in prop::option::of(prop::sample::select(vec![0.0, 119.0, 255.0, -9999.0])),
+            rounding in prop::sample::select(vec![Rounding::Exact, Rounding::Nearest, Rounding::Aside]),
+            scale in prop::sample::select(vec![1.0, 0.5]),
+        ) {
+            let info = GridInfo { nodata, scale, ..GridInfo::plain("test", 1, 1, SampleType::U8) };
+            let narrow: Vec<f32> = heights.iter().map(|height| *height as f32).collect();
+            for sample_type in SampleType::ALL {
+                let info = GridInfo { sample_type, ..info.clone() };
+                let codec = Codec::new(&info).rounding(rounding);
+                by_type!(codec, check, &heights)?;
+                by_type!(codec, check, &narrow)?;
+            }
+        }
     }
 }

@@ -171,21 +171,13 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TinReport> {
-    let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
     // Whether what an earlier run here wrote may be replaced is for the run to tell.
     let is_new = !folder.join(PLAN).exists();
     let check = |maker: &Maker<'_>| if is_new { maker.check_output() } else { Ok(()) };
-    let plan = PlanJob { job: job.clone(), folder: folder.clone(), cut: None, skipped };
-    plan_checked(&plan, check, progress, cancel)?;
-    let run = RunJob {
-        folder,
-        task: None,
-        output: Some(job.output.clone()),
-        overwrite: job.overwrite,
-        form: Form { split: job.split, solid_base: job.solid_base },
-        disk,
-        resources: job.resources.clone(),
-    };
+    plan_checked(&PlanJob::all(job, folder, skipped), check, progress, cancel)?;
+    let form = Form { split: job.split, solid_base: job.solid_base };
+    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
+    let run = RunJob::until(to, job.overwrite, form, with);
     run_plan(&run, progress, cancel).and_then(whole)
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use bytemuck::{Pod, Zeroable};
 
 use super::NO_HEIGHT;
-use crate::records::{Records, Take};
+use crate::records::{Records, Take, Unit};
 use terrane_base::error::Result;
 use terrane_cloud::PointFormat;
 use terrane_files::{Buckets, Writer};
@@ -95,8 +95,8 @@ impl Records for Told<'_> {
         self.records.units()
     }
 
-    fn points(&self, unit: usize) -> u64 {
-        self.records.points(unit)
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

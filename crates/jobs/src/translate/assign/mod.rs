@@ -7,13 +7,13 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::records::choice::place;
-use crate::records::{Records, Take};
+use crate::records::{Records, Take, Unit};
 use formula::Formula;
 use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Frame, Ruler};
 use terrane_cloud::write::Column;
-use terrane_cloud::{Cloud, PointFormat};
+use terrane_cloud::{Cloud, PointFormat, PointSource};
 use terrane_files::path_of;
 
 /// What coordinates are called.
@@ -146,7 +146,7 @@ impl Assigned<'_> {
         let [x, y, z] = self.assigning.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
         let error = error.remedy("change --attribute, or leave the point out");
-        match self.cloud.file_of(unit) {
+        match self.cloud.file_of(unit).and_then(|number| self.cloud.files().get(number)) {
             Some(name) => error.in_file(&path_of(name)),
             None => error,
         }
@@ -158,8 +158,8 @@ impl Records for Assigned<'_> {
         self.records.units()
     }
 
-    fn points(&self, unit: usize) -> u64 {
-        self.records.points(unit)
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

@@ -125,18 +125,9 @@ pub fn run_in(
     if !folder.join(PLAN).exists() {
         terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     }
-    let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-    let plan = PlanPointsJob { job: job.clone(), folder: folder.clone(), cut: None, skipped };
-    plan_points(&plan, progress, cancel)?;
-    let run = RunPointsJob {
-        folder,
-        task: None,
-        output: Some(job.output.clone()),
-        overwrite: job.overwrite,
-        form: (),
-        disk,
-        resources: job.resources.clone(),
-    };
+    plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel)?;
+    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
+    let run = RunPointsJob::until(to, job.overwrite, (), with);
     let lost = || Error::new(ErrorKind::Internal, "a run ended without its points");
     run_points(&run, progress, cancel)?.of.written.ok_or_else(lost)
 }

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use super::Context;
-use crate::workers;
+use crate::{FileAt, workers};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::Census;
@@ -36,6 +36,7 @@ impl SpreadPoints {
         work.progress.begin("points", source.info().count);
         let start = || (Found::default(), points.writer());
         let read = |(found, writer): &mut (Found, Writer<'_, Point>), part: u64| {
+            FileAt::tell(work.progress, source, part as usize);
             let census = source.read(part as usize, &mut |batch| {
                 batch.iter().try_for_each(|&point| {
                     let point = place(point, context.bounds)?;
