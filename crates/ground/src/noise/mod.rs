@@ -24,13 +24,16 @@ pub type Method = asked::Method<NoiseFinder>;
 /// A method with its parameters.
 pub type Asked = asked::Asked<NoiseFinder>;
 
+type Reach = fn(&Asked, &Space) -> Result<[i64; 3]>;
+type Scores = fn(&Asked, &Space, &[Point], &mut dyn Around) -> Result<Vec<u64>>;
+
 /// How a method finds noise.
 #[derive(Clone, Copy, Debug)]
 pub struct NoiseFinder {
     /// Steps along each axis beyond which no other point changes a score, or fails where the cloud does not suit it;
     /// `None` where a limit depends on all points.
-    reach: Option<fn(&Asked, &Space) -> Result<[i64; 3]>>,
-    scores: fn(&Asked, &Space, &[Point], &mut dyn Around) -> Result<Vec<u64>>,
+    reach: Option<Reach>,
+    scores: Scores,
     limit: fn(&Asked, &Sums) -> Limit,
     /// Bytes that scores take for each point of a part.
     bytes: fn(&Asked) -> u64,

@@ -16,7 +16,7 @@ use super::total;
 use crate::grid::preset::Metres;
 use crate::plan::At;
 use crate::records::choice::place;
-use crate::records::{Flow, Records, Take, numbered};
+use crate::records::{Flow, Records, Take, Unit, numbered};
 use crate::workers;
 use parts::{Entry, Filling, Parts};
 use terrane_base::bits::BitSet;
@@ -214,8 +214,8 @@ impl Records for Marked<'_> {
         self.records.units()
     }
 
-    fn points(&self, unit: usize) -> u64 {
-        self.records.points(unit)
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
