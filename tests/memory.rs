@@ -299,6 +299,8 @@ const JOBS: &[&str] = &[
     "points dense.laz o.copc.laz",
     "points dense.laz o3.laz --classify ground --height-above-ground",
     "points dense.laz o4.laz --classify ground --ground smrf",
+    "points dense.laz o9.laz --classify noise",
+    "points dense.laz o10.laz --classify noise:statistical:k=20",
     "points dense.laz o5 --tile 100 --buffer 5",
     "points dense.laz o2.laz --to-crs EPSG:4326",
     "points dense.laz o6.laz --thin-distance 0.3",

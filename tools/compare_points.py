@@ -6,7 +6,8 @@
 Each file (and some made by terrane) is written as LAS and LAZ, whose points must be those of the
 input in every dimension, one by one; and as COPC, of which laspy's own reader of octrees must find
 all points, those of a box, and each in one level; heights above the ground must be those above scipy's
-triangulation of it; points that keep a distance must do so for scipy's tree, and leave no room. Prints a line for each and exits with 1 when
+triangulation of it; points that keep a distance must do so for scipy's tree, and leave no room; noise must be
+that by scipy's tree and by numpy's table of cubes. Prints a line for each and exits with 1 when
 anything differs. Needs numpy, scipy and laspy with lazrs.
 """
 
@@ -109,6 +110,43 @@ def compare_distances(before, after, least):
         yield f"{len(after)} points {near} from each other, and one {far} from all"
 
 
+def noise_by_cubes(places, steps, side, most):
+    """Points with no more than so many in the 27 cubes around and with their own, which are so many steps."""
+    cubes = places // np.round(side / steps).astype(int)
+    cubes, own, counts = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+    beside = cKDTree(cubes).query_ball_point(cubes, 1, p=np.inf)
+    return np.array([counts[near].sum() <= most for near in beside])[own.ravel()]
+
+
+def noise_by_distances(places, steps, k, m):
+    """Points whose mean distance to their nearest others is far above the mean of that; and which are near the limit."""
+    places = (places - places.min(axis=0)) * steps
+    mean = cKDTree(places).query(places, k=k + 1)[0][:, 1:].mean(axis=1)
+    limit = mean.mean() + m * mean.std(ddof=1)
+    return mean > limit, np.abs(mean - limit) < steps.max() / 500
+
+
+def compare_noise(before, after, method):
+    """What differs between classes and those of a slow search in another program's trees."""
+    classes = np.asarray(before.classification).copy()
+    seen = ~np.isin(classes, [7, 18]) & (np.asarray(before.withheld) == 0)
+    crs = before.header.parse_crs()
+    metres = [axis.unit_conversion_factor for axis in crs.axis_info] if crs else [1.0]
+    # Heights of no known unit are in that of x and y.
+    steps = before.header.scales * np.array([metres[0], metres[0], metres[2] if len(metres) > 2 else metres[0]])
+    zero = np.round(before.header.offsets / before.header.scales).astype(np.int64)
+    places = (np.column_stack([before.X, before.Y, before.Z]).astype(np.int64) + zero)[seen]
+    if method == "voxel":
+        noise, unsure = noise_by_cubes(places, steps, 2.0, 9), False
+    else:
+        noise, unsure = noise_by_distances(places, steps, 8, 2.0)
+    classes[np.flatnonzero(seen)[noise]] = 7
+    differs = classes != np.asarray(after.classification)
+    differs[np.flatnonzero(seen)] &= ~np.broadcast_to(unsure, noise.shape)
+    if differs.any() or not noise.any() and len(noise) > 10000 and method == "statistical":
+        yield f"{differs.sum()} classes by {method}, {noise.sum()} of noise"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--terrane", default="target/debug/terrane")
@@ -137,6 +175,10 @@ def main():
                     for least in [0.7, 5]:
                         run("points", file, path, "--thin-distance", str(least))
                         wrong += compare_distances(before, laspy.read(path), least)
+                if ending == "laz":
+                    for method, asked in [("voxel", "voxel:step=2,isolated=9"), ("statistical", "statistical")]:
+                        run("points", file, path, "--classify", f"noise:{asked}")
+                        wrong += compare_noise(before, laspy.read(path), method)
                 compared += 1
                 differing += bool(wrong)
                 print(f"{os.path.basename(file)} as {ending}: {'; '.join(wrong) or f'{len(before)} points, the same'}")

@@ -17,6 +17,7 @@ use crate::jobs::translate::{
     Squares, Thin, TranslateJob, TranslateReport,
 };
 use crate::jobs::{Cancel, Resources};
+use terrane_ground::noise;
 
 /// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
 ///
@@ -66,8 +67,9 @@ pub(super) struct Wanted {
     /// HeightAboveGround of their extra bytes, or with =z as their z
     #[arg(long, value_name = "AS", num_args = 0..=1, require_equals = true, default_missing_value = "dimension", value_parser = ["dimension", "z"], help_heading = "Ground")]
     height_above_ground: Option<String>,
-    /// Give points classes: ground (2 for those found to be ground, 1 for others that were), or
-    /// height:CLASS=FROM,... (those of no class, by their height above the ground); may be given twice
+    /// Give points classes: noise[:METHOD] (7 for those that a method finds to be noise), ground (2 for those found to
+    /// be ground, 1 for others that were), or height:CLASS=FROM,... (those of no class, by their height above the
+    /// ground); each may be given
     #[arg(long, value_name = "HOW", long_help = classify_help(), help_heading = "Ground")]
     classify: Vec<Classify>,
     /// Which points are ground: class (those of class 2), those that a method of terrane grid --ground finds among
@@ -118,7 +120,7 @@ impl Verb for Args {
     const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
 
     fn lists() -> Vec<String> {
-        vec![lists::EXIT_CODES.to_owned()]
+        vec![lists::noises(), lists::EXIT_CODES.to_owned()]
     }
 
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
@@ -196,10 +198,13 @@ impl Wanted {
 
 fn classify_help() -> String {
     format!(
-        "Give points classes, one way after the other:\n\
+        "Give points classes, noise first, then one way after the other:\n\
+         noise   7, or another class, to those that a method finds to be noise, which is no ground: \
+         noise:METHOD:PARAMETER=VALUE,... [default: {}]\n\
          ground  2 to those found to be ground, and 1 to others of class 2; never to noise (7 and 18)\n\
          height  by the height above the ground, to those of no class (0 or 1): height:CLASS=FROM,... \
          [default: {}]",
+        Classify::Noise(noise::Asked::BEST),
         Classify::Height(Layers::default())
     )
 }

@@ -69,6 +69,25 @@ fn what_cannot_be_is_refused_by_name() {
         ("points a.laz x.laz --classify trees", 2, "none of ground"),
         ("points a.laz x.laz --height-above-ground=x", 2, "dimension"),
         ("points b.las x.laz --classify height:40=1", 2, "no class 40"),
+        ("points a.laz x.laz --classify noise --classify noise:statistical", 2, "one way twice"),
+        ("points a.laz x.laz --classify noise:moss", 2, "known methods are voxel, statistical"),
+        ("points a.laz x.laz --classify noise:voxel:size=3", 2, "step=4 (from 0.001 to 100000)"),
+        ("points a.laz x.laz --classify noise:voxel:class=9", 2, "class=7 (7 or 18)"),
+        ("points a.laz x.laz --classify noise:statistical:k=0.5", 2, "from 1 to 100"),
+        ("points a.laz x.laz --classify noise:voxel:step=0.005", 2, "smaller than a step"),
+        ("points degrees.laz x.laz --classify noise", 2, "units of length"),
+        ("points degrees.laz x.laz --classify noise:statistical", 2, "units of length"),
+        ("points a.laz x.laz --classify noise --ground csf", 2, "nothing is asked of the ground"),
+        (
+            "plan points a.laz -o x --tile 20 --classify noise:statistical",
+            2,
+            "depends on all points",
+        ),
+        (
+            "plan points a.laz -o x --tile 20 --classify noise --classify ground",
+            2,
+            "plan --classify noise first",
+        ),
         ("points a.laz x.laz --thin-distance 0", 2, "--thin-distance"),
         ("points a.laz x.laz --thin-distance 0.001", 2, "smaller than a step"),
         ("points degrees.laz x.laz --thin-distance 2", 2, "these are degrees"),
@@ -191,6 +210,51 @@ fn what_fails_or_is_killed_leaves_nothing_behind() {
         place.ok(&["points", "a.laz", "b.las", "o.copc.laz", "-q"]);
         std::fs::remove_file(place.path("o.copc.laz")).unwrap();
         assert_eq!(names(), before);
+    }
+}
+
+#[test]
+fn noise_gets_its_class_and_is_no_ground() {
+    let place = clouds();
+    let outliers = (0..30).map(|i| {
+        format!("{} {} {} 1\n", 500_000 + i * 37 % 60, 4_750_000 + i * 53 % 60, 900 - 60 * i)
+    });
+    place.write("d.xyz", format!("x y z class\n{}", outliers.collect::<String>()));
+    place.write("d.prj", "EPSG:32631");
+    place.ok(&["points", "a.laz", "cloud:d.xyz", "dirty.laz"]);
+    let asked = "--classify noise --classify ground --ground csf --height-above-ground";
+    let asked: Vec<&str> = asked.split(' ').collect();
+    let told = place.ok(&[&["points", "dirty.laz", "clean.copc.laz"][..], &asked].concat()).out;
+    assert!(told.contains("noise: 30 points of class 7 by voxel:step=4,isolated=5"), "{told}");
+    let same = |name: &str, first: &str, options: &str| {
+        let options: Vec<&str> = options.split(' ').collect();
+        place.ok(&[&["points", first, name, "-q"][..], &options].concat());
+        std::fs::read(place.path(name)).unwrap()
+    };
+    // Two commands, one after the other.
+    same("noise.laz", "dirty.laz", "--classify noise");
+    let two = same("two.laz", "noise.laz", "--classify ground --ground csf");
+    assert!(two == same("one.laz", "dirty.laz", "--classify ground --ground csf --classify noise"));
+    let far = "--classify noise:statistical:k=6,m=3,class=18";
+    let text = String::from_utf8(same("far.csv", "dirty.laz", far)).unwrap();
+    assert!(text.lines().filter(|line| line.split(',').any(|value| value == "18")).count() >= 29);
+    // Squares by plan are those of one run.
+    let squares = "--classify noise:voxel:step=1.5,isolated=25 --tile 20 --buffer 3 --thin 0.5";
+    let squares: Vec<&str> = squares.split(' ').collect();
+    place.ok(&[&["points", "dirty.laz", "whole"][..], &squares].concat());
+    place
+        .ok(&[&["plan", "points", "dirty.laz", "-o", "work", "--cut", "1"][..], &squares].concat());
+    place.ok(&["run", "work", "-o", "parts"]);
+    let names = |folder: &str| {
+        let names = std::fs::read_dir(place.path(folder)).unwrap();
+        let mut names: Vec<_> = names.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names("whole"), names("parts"));
+    for name in names("whole") {
+        let bytes = |folder: &str| std::fs::read(place.path(folder).join(&name)).unwrap();
+        assert!(bytes("whole") == bytes("parts"), "{name:?}");
     }
 }
 

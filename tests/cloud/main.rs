@@ -11,6 +11,7 @@ mod columns;
 mod discs;
 mod filters;
 mod formats;
+mod noise;
 mod octree;
 mod synth;
 mod translate;

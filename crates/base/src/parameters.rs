@@ -17,6 +17,8 @@ pub struct Parameter {
     pub range: [f64; 2],
     /// True for whole numbers.
     pub whole: bool,
+    /// True where it is either the least or the largest value.
+    pub ends: bool,
 }
 
 /// What stands for a value that depends on the data.
@@ -30,12 +32,17 @@ impl Parameter {
         range: [f64; 2],
         about: &'static str,
     ) -> Self {
-        Self { key, about, default, range, whole: false }
+        Self { key, about, default, range, whole: false, ends: false }
     }
 
     /// The same for whole numbers.
     pub const fn whole(self) -> Self {
         Self { whole: true, ..self }
+    }
+
+    /// The same for the ends of the range alone.
+    pub const fn ends(self) -> Self {
+        Self { ends: true, ..self }
     }
 
     /// It as it is written where nothing else is asked for: `cloth=1`.
@@ -47,7 +54,11 @@ impl Parameter {
     pub fn allows(&self, value: f64) -> bool {
         let [least, most] = self.range;
         let is_auto = value.is_nan() && self.default.is_nan();
-        is_auto || ((least..=most).contains(&value) && (!self.whole || value.fract() == 0.0))
+        is_auto
+            || match self.ends {
+                true => self.range.contains(&value),
+                false => (least..=most).contains(&value) && (!self.whole || value.fract() == 0.0),
+            }
     }
 
     /// A value from its text, if it may be that.
@@ -68,6 +79,9 @@ impl Parameter {
 
     fn text(&self) -> String {
         let [least, most] = self.range;
+        if self.ends {
+            return format!("{} ({least} or {most})", self.usual());
+        }
         let kind = if self.whole { "a whole number " } else { "" };
         format!("{} ({kind}from {least} to {most})", self.usual())
     }
@@ -163,6 +177,7 @@ mod tests {
     const SOME: &[Parameter] = &[
         Parameter::new("edge", f64::NAN, [0.0, 9.0], "by the data"),
         Parameter::new("rounds", 3.0, [1.0, 5.0], "how often").whole(),
+        Parameter::new("side", 7.0, [7.0, 18.0], "one or the other").ends(),
     ];
 
     struct Told(Values);
@@ -177,22 +192,24 @@ mod tests {
     fn values_are_read_as_they_are_written() {
         let read = |text: &str| Values::parse("tool", SOME, text).unwrap();
         assert_eq!(read(""), Values::usual(SOME));
-        assert_eq!(Told(read("")).to_string(), "tool:edge=auto,rounds=3");
+        assert_eq!(Told(read("")).to_string(), "tool:edge=auto,rounds=3,side=7");
         assert_eq!(read("edge=AUTO,rounds=3"), read(""));
         let given = read("rounds = 5, EDGE=0.5");
         assert_eq!((given.get(SOME, "edge"), given.get(SOME, "rounds")), (0.5, 5.0));
         assert!(read("").get(SOME, "edge").is_nan() && given.get(SOME, "other").is_nan());
         assert_ne!(given, read(""));
-        assert_eq!(Told(given).to_string(), "tool:edge=0.5,rounds=5");
+        assert_eq!(Told(given).to_string(), "tool:edge=0.5,rounds=5,side=7");
     }
 
     #[test]
     fn what_is_no_value_is_told_with_what_is() {
         let told = |text: &str| Values::parse("tool", SOME, text).unwrap_err().to_string();
-        for wrong in ["edge=-1", "edge=nan", "edge", "rounds=auto", "rounds=1.5", "side=1"] {
+        for wrong in ["edge=-1", "edge=nan", "edge", "rounds=auto", "rounds=1.5", "side=8", "hue=1"]
+        {
             let told = told(wrong);
             assert!(told.contains("edge=auto (from 0 to 9), rounds=3 (a whole number"), "{told}");
         }
+        assert!(told("side=8").contains("side=7 (7 or 18)"));
         assert!(told("edge=1,edge=1").contains("twice"));
         let none = Values::parse("spade", &[], "edge=1").unwrap_err().to_string();
         assert!(none.contains("spade takes none"), "{none}");

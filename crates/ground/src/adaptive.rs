@@ -12,7 +12,7 @@
 use crate::csf::{Cloth, settled};
 use crate::densify::{Cells, Limits, WIDEST, densified};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 
 pub(crate) const METHOD: Method = Method {
@@ -20,8 +20,7 @@ pub(crate) const METHOD: Method = Method {
     source: "ours, after Zhang and others 2016 and Axelsson 2000",
     about: "a cloth and a triangulation that check each other; what auto takes",
     parameters: &[],
-    lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)),
-    find,
+    finder: GroundFinder { lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)), find },
 };
 
 /// Side of the squares whose lowest points the first triangulation begins with, in metres.

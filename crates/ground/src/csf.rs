@@ -8,7 +8,7 @@
 
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 use terrane_base::parameters::Parameter;
 
@@ -41,8 +41,7 @@ pub(crate) const METHOD: Method = Method {
         )
         .whole(),
     ],
-    lattice: |asked, _| Lattice::fixed(asked.value("cloth")),
-    find,
+    finder: GroundFinder { lattice: |asked, _| Lattice::fixed(asked.value("cloth")), find },
 };
 
 fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {

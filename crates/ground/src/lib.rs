@@ -1,4 +1,4 @@
-//! Which points of a cloud are ground: methods by name, from the lowest points of cells. Pure.
+//! Which points of a cloud are ground: methods by name, from the lowest points of cells; and which are [`noise`]. Pure.
 //!
 //! A method ([`METHODS`], [`Asked`]) gets the lowest point of each cell of a window ([`Lows`]) and gives
 //! a surface with a tolerance ([`Ground`]): points that lie near it are ground. Methods whose cells depend
@@ -6,6 +6,7 @@
 //! that the ground of a cloud is a function of the cloud alone.
 
 mod adaptive;
+pub mod asked;
 mod csf;
 mod densify;
 pub mod filter;
@@ -13,6 +14,7 @@ mod frame;
 mod grid;
 mod lows;
 mod method;
+pub mod noise;
 mod ptd;
 #[cfg(test)]
 mod scenes;
@@ -21,5 +23,5 @@ mod surface;
 mod tin;
 
 pub use lows::{EMPTY, Lows, NO_POINT};
-pub use method::{Asked, Lattice, METHODS, Method};
+pub use method::{Asked, GroundFinder, Lattice, METHODS, Method};
 pub use surface::Ground;

@@ -1,32 +1,30 @@
 //! The methods that find the ground: what one is, and how it is asked for with its parameters.
 
-use std::fmt;
-
+use super::asked::{self, Finder};
 use super::lows::Lows;
 use super::surface::Ground;
 use super::{adaptive, csf, filter, ptd, smrf};
-use terrane_base::error::Result;
-use terrane_base::parameters::{Parameter, Values};
-use terrane_base::registry::{Named, named};
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] =
     &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, filter::METHOD];
 
 /// One method of the registry.
-#[derive(Debug)]
-pub struct Method {
-    /// Name for `--ground`, unique.
-    pub name: &'static str,
-    /// Where it was published.
-    pub source: &'static str,
-    /// One line for the documentation.
-    pub about: &'static str,
-    /// What may follow its name.
-    pub parameters: &'static [Parameter],
+pub type Method = asked::Method<GroundFinder>;
+/// A method with its parameters.
+pub type Asked = asked::Asked<GroundFinder>;
+
+/// How a method finds the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct GroundFinder {
     /// How the plane is divided for it, points being so many metres apart.
     pub(crate) lattice: fn(&Asked, f64) -> Lattice,
     pub(crate) find: fn(&Asked, &Lows<'_>) -> Ground,
+}
+
+impl Finder for GroundFinder {
+    const KIND: &'static str = "method to find the ground";
+    const METHODS: &'static [Method] = METHODS;
 }
 
 /// The squares of cells that a method works in, and what each has to see.
@@ -56,74 +54,20 @@ impl Lattice {
     }
 }
 
-/// A method with its parameters.
-#[derive(Clone, Copy, Debug)]
-pub struct Asked {
-    method: &'static Method,
-    values: Values,
-}
-
-impl PartialEq for Asked {
-    fn eq(&self, other: &Self) -> bool {
-        self.name() == other.name() && self.values == other.values
-    }
-}
-
 impl Asked {
     /// The morphological filter.
     pub const FILTER: Self = Self::plain(&filter::METHOD);
     /// The method that is taken where none is named.
     pub const BEST: Self = Self::plain(&adaptive::METHOD);
 
-    /// A method with its defaults.
-    pub const fn plain(method: &'static Method) -> Self {
-        Self { method, values: Values::usual(method.parameters) }
-    }
-
-    /// Reads a method as it is asked for: `csf:rigidness=2,cloth=1`.
-    ///
-    /// # Errors
-    /// Usage: a name or parameter that is not known (the known ones are told), one twice, or a value
-    /// out of its range.
-    pub fn parse(text: &str) -> Result<Self> {
-        let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
-        let method = named(METHODS, name.trim())?;
-        Ok(Self { method, values: Values::parse(method.name, method.parameters, parameters)? })
-    }
-
-    /// The name of the method.
-    pub fn name(&self) -> &'static str {
-        self.method.name
-    }
-
-    /// The value of a parameter; NaN where there is no such.
-    pub(crate) fn value(&self, key: &str) -> f64 {
-        self.values.get(self.method.parameters, key)
-    }
-
     /// How the plane is divided, points being `spacing` metres apart.
     pub fn lattice(&self, spacing: f64) -> Lattice {
-        (self.method.lattice)(self, spacing)
+        (self.finder().lattice)(self, spacing)
     }
 
     /// The ground under the cells of a window, or of a square with its halo.
     pub fn find(&self, lows: &Lows<'_>) -> Ground {
-        (self.method.find)(self, lows)
-    }
-}
-
-impl fmt::Display for Asked {
-    /// As [`parse`](Asked::parse) reads it, with all parameters.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.values.write(self.name(), self.method.parameters, f)
-    }
-}
-
-impl Named for Method {
-    const KIND: &'static str = "method to find the ground";
-
-    fn name(&self) -> &'static str {
-        self.name
+        (self.finder().find)(self, lows)
     }
 }
 

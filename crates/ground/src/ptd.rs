@@ -5,7 +5,7 @@
 
 use crate::densify::{Cells, Limits, WIDEST, densified};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 use terrane_base::parameters::Parameter;
 
@@ -45,8 +45,7 @@ pub(crate) const METHOD: Method = Method {
             "how far from the last triangles ground may lie, metres",
         ),
     ],
-    lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)),
-    find,
+    finder: GroundFinder { lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)), find },
 };
 
 fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {

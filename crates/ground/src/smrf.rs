@@ -7,7 +7,7 @@
 
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::method::{Asked, Lattice, Method};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 use terrane_base::parameters::Parameter;
 
@@ -27,8 +27,7 @@ pub(crate) const METHOD: Method = Method {
         ),
         Parameter::new("scalar", 1.25, [0.0, 100.0], "how much further for a slope of 1, metres"),
     ],
-    lattice: |asked, _| Lattice::fixed(asked.value("cell")),
-    find,
+    finder: GroundFinder { lattice: |asked, _| Lattice::fixed(asked.value("cell")), find },
 };
 
 /// Slope by which a low point stands out, rise over run to the next cell.

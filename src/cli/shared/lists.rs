@@ -2,6 +2,7 @@
 
 use crate::parameters::Parameter;
 use crate::{attribute, gridding, line, mesh, methods, raster, synth, vector};
+use terrane_ground::noise;
 
 /// The last list of verbs that can fail in every way.
 pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
@@ -59,28 +60,34 @@ fn attributes() -> String {
 
 pub(crate) fn grounds() -> String {
     let all = terrane_ground::METHODS;
-    let row = |m: &terrane_ground::Method| (m.name, m.source.to_owned(), m.about);
-    let methods = list("Methods of --ground", &all.iter().map(row).collect::<Vec<_>>());
-    let own = parameter_rows(all.iter().map(|m| (m.name, m.parameters)));
-    let parameters = list("Parameters, as in csf:rigidness=2,cloth=0.5, with defaults", &own);
-    format!("{methods}\n\n{parameters}")
+    let rows = all.iter().map(|m| (m.name, m.source, m.about, m.parameters));
+    with_parameters("--ground", "csf:rigidness=2,cloth=0.5", rows)
+}
+
+pub(crate) fn noises() -> String {
+    let rows = noise::METHODS.iter().map(|m| (m.name, m.source, m.about, m.parameters));
+    with_parameters("--classify noise", "noise:statistical:k=12,m=3", rows)
 }
 
 pub(crate) fn canopies() -> String {
     let all = gridding::canopy::METHODS;
-    let row = |m: &gridding::canopy::Method| (m.name, m.source.to_owned(), m.about);
-    let methods = list("Methods of --canopy", &all.iter().map(row).collect::<Vec<_>>());
-    let own = parameter_rows(all.iter().map(|m| (m.name, m.parameters)));
-    let parameters = list("Parameters, as in spike-free:freeze=1.5, with defaults", &own);
-    format!("{methods}\n\n{parameters}")
+    let rows = all.iter().map(|m| (m.name, m.source, m.about, m.parameters));
+    with_parameters("--canopy", "spike-free:freeze=1.5", rows)
 }
 
-/// The parameters of methods by name.
-fn parameter_rows(
-    methods: impl Iterator<Item = (&'static str, &'static [Parameter])>,
-) -> Vec<(&'static str, String, &'static str)> {
-    let all = methods.flat_map(|(name, own)| own.iter().map(move |p| (name, p)));
-    all.map(|(name, p)| (name, p.usual(), p.about)).collect()
+/// Methods of an option (name, source, what it is, parameters), and their parameters, with an example of these.
+fn with_parameters(
+    option: &str,
+    example: &str,
+    methods: impl Iterator<Item = (&'static str, &'static str, &'static str, &'static [Parameter])>
+    + Clone,
+) -> String {
+    let rows = methods.clone().map(|(name, source, about, _)| (name, source.to_owned(), about));
+    let all = list(&format!("Methods of {option}"), &rows.collect::<Vec<_>>());
+    let own =
+        methods.flat_map(|(name, .., own)| own.iter().map(move |p| (name, p.usual(), p.about)));
+    let heading = format!("Parameters, as in {example}, with defaults");
+    format!("{all}\n\n{}", list(&heading, &own.collect::<Vec<_>>()))
 }
 
 fn other_names(method: &gridding::Method) -> String {

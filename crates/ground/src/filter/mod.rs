@@ -14,7 +14,7 @@ mod low;
 mod open;
 
 use crate::lows::{EMPTY, Lows};
-use crate::method::{Asked, Lattice, Method};
+use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::{BESIDE, Ground};
 use fill::filled;
 
@@ -23,11 +23,13 @@ pub(crate) const METHOD: Method = Method {
     source: "after Pingel and others 2013",
     about: "openings with growing squares, holes filled by means: exact in tiles of any size",
     parameters: &[],
-    lattice: |_, spacing| {
-        let cell = spacing.max(CELL);
-        Lattice { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
+    finder: GroundFinder {
+        lattice: |_, spacing| {
+            let cell = spacing.max(CELL);
+            Lattice { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
+        },
+        find,
     },
-    find,
 };
 
 /// Side of a cell in metres, unless points are further apart.

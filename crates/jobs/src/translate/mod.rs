@@ -1,8 +1,8 @@
 //! Clouds into files of points: filtered, thinned and merged; one file, or one for each square.
 //!
 //! ```text
-//! files, sorted ── parts ── records of one format ──[single]──[what the ground tells]──[attributes set] ─┐
-//!                              file ──[sorted]──[moved]──[discs]──[thinned]──[one flight line each] ◀─────┘
+//! files, sorted ── parts ── records of one format ──[single]──[noise]──[what the ground tells]──[attributes set] ─┐
+//!                                      file ──[sorted]──[moved]──[discs]──[thinned]──[one flight line each] ◀─────┘
 //! ```
 //!
 //! Whatever else is asked for, points stay in the order of files and of points in them, so the bytes depend on neither
@@ -13,6 +13,7 @@ mod assign;
 mod carried;
 mod discs;
 mod moved;
+mod noise;
 mod octree;
 mod overlap;
 pub mod plan;
@@ -224,10 +225,12 @@ impl TranslateJob {
         choices.map(u64::from).iter().sum()
     }
 
-    /// How far from a point others may be that decide whether it is kept: of its cell, and of the cells of these.
-    fn reach(&self) -> f64 {
-        let overlap = self.overlap.and_then(|overlap| overlap.cell);
-        self.thin.map_or(0.0, |thin| thin.cell) + overlap.unwrap_or_default()
+    /// How far from a point others may be that decide whether it is kept, or noise: of its cell, and of the cells of
+    /// these.
+    fn reach(&self, info: &CloudInfo) -> Result<f64> {
+        let overlap = self.overlap.and_then(|overlap| overlap.cell).unwrap_or_default();
+        let noise = self.above.noise().map_or(Ok(0.0), |asked| noise::reach(asked, info))?;
+        Ok(self.thin.map_or(0.0, |thin| thin.cell) + overlap + noise)
     }
 
     /// Bytes of memory that it needs beside records on their way, so many of them read of such a cloud; and more for
@@ -239,12 +242,16 @@ impl TranslateJob {
         let sort = self.sort.map_or(0, |_| sorted::LEAST);
         let [discs, each_disc] = self.distance.map_or([0; 2], |_| discs::needed(info.count));
         let [above, each] = self.above.needed(info);
-        [choices + above + discs + spread + sort, each.max(each_disc)]
+        let noise = self.above.noise().map(|asked| noise::needed(asked, points));
+        let [noise, each_part] = noise.unwrap_or_default();
+        let each = each.max(each_disc).max(each_part);
+        [choices + above + noise + discs + spread + sort, each]
     }
 
     /// Fails where something asked for cannot act on points of a format and packing, which lie so.
     fn check(&self, (format, packing): (PointFormat, Packing), info: &CloudInfo) -> Result<()> {
         self.above.check(format)?;
+        self.above.noise().map_or(Ok(0.0), |asked| noise::reach(asked, info))?;
         if let Some(least) = self.distance {
             discs::check(least, info)?;
         }
@@ -341,6 +348,8 @@ impl Work<'_> {
         let single = job.dedupe.then(|| self.choose(source, &twice, "points there twice"));
         let single = single.transpose()?;
         let records = over(&single, source);
+        let marked = self.mark(records)?;
+        let records = over(&marked, records);
         let told = job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
         let records = over(&told, records);
         let (assigning, cloud) = (self.assigning, self.input);
@@ -361,7 +370,28 @@ impl Work<'_> {
             let (side, left_out) = (overlap.side(self.told), lines.left_out());
             format!("overlap: {left_out} points of other flight lines left out, in cells of {side}")
         });
-        Ok((made, told.iter().flat_map(|told| told.notes.clone()).chain(note).collect()))
+        let noise = marked.iter().flat_map(|marked| &marked.notes);
+        let ground = told.iter().flat_map(|told| &told.notes);
+        let mut notes: Vec<_> = noise.chain(ground).cloned().chain(note).collect();
+        // Both may say that the unit is a guess.
+        notes.dedup();
+        Ok((made, notes))
+    }
+
+    /// The records with the class of noise for those that are, where it is looked for.
+    fn mark<'r>(&self, records: &'r dyn Records) -> Result<Option<noise::Marked<'r>>> {
+        let look = |asked| noise::Looking {
+            asked,
+            info: self.carrier.info(),
+            format: self.carrier.format(),
+            flow: self.shares.flow,
+            threads: self.shares.threads,
+            memory: self.shares.marks,
+            folder: self.folder(),
+            keeps_withheld: self.job.cloud.filter.keep_withheld,
+            at: self.at,
+        };
+        self.job.above.noise().map(|asked| look(asked).mark(records)).transpose()
     }
 
     fn lines<'r>(&self, records: &'r dyn Records, overlap: Overlap) -> Result<Chosen<'r>> {
@@ -398,7 +428,8 @@ impl Work<'_> {
         let Some(Wide { cloud, asked }) = wide else { return looking.tell(records, None, at) };
         let carrier = Carrier::new(cloud, *asked, at.is_some())?;
         let wide = CarriedRecords::within(cloud, &carrier, self.around_ground()?);
-        looking.tell(records, Some(&wide), at)
+        let marked = self.mark(&wide)?;
+        looking.tell(records, Some(over(&marked, &wide)), at)
     }
 
     /// Where points lie that the ground of the squares is made of, if not everywhere.

@@ -86,7 +86,8 @@ def points(
     heights
         How high points are above the ground: "dimension" (HeightAboveGround of their extra bytes), or as their "z".
     classify, ground
-        What gives classes ("ground", "height:3=0.5,4=2,5=5"), and which points are ground ("class", "csf", "auto" ...).
+        What gives classes ("noise", "noise:statistical:k=12", "ground", "height:3=0.5,4=2,5=5"), and which points are
+        ground ("class", "csf", "auto" ...).
     tile, buffer, buffer_mark
         The side of squares; points around each up to so far away, too, marked as "withheld" or "synthetic".
     to_crs, shift_grid, geoid

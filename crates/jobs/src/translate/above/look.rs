@@ -6,9 +6,9 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 
 use super::told::{Told, Values, Z};
-use super::{Above, Classify, HeightsAs, NO_HEIGHT};
+use super::{Above, Classify, HeightsAs, NO_HEIGHT, is_known_noise, is_there};
 use crate::grid::preset::{
-    Filter, Metres, NOISE, Seen, found_by, more_is_needed, no_ground, no_ground_of_class,
+    Filter, Metres, Seen, found_by, more_is_needed, no_ground, no_ground_of_class,
 };
 use crate::grid::{GROUND, GroundFrom, Surfaces, tiling};
 use crate::plan::At;
@@ -21,7 +21,7 @@ use crate::workers;
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::{CloudInfo, Flags, PointFormat};
+use terrane_cloud::{CloudInfo, PointFormat};
 use terrane_files::{Buckets, lock};
 
 /// Places that are looked at together.
@@ -282,12 +282,12 @@ impl Looking<'_> {
     fn is_candidate(&self, record: &[u8]) -> bool {
         let [number, returns] = self.format.returns(record);
         Return::Last.is(number, returns)
-            && !NOISE.contains(&self.format.class(record))
+            && !is_known_noise(self.format, record)
             && self.is_there(record)
     }
 
     fn is_there(&self, record: &[u8]) -> bool {
-        self.keeps_withheld || !self.format.flags(record).meets(Flags::WITHHELD)
+        is_there(self.format, self.keeps_withheld, record)
     }
 
     /// Puts what is told of each point to its number.
@@ -402,7 +402,7 @@ impl Looking<'_> {
                     counts.layered += u64::from(found.is_some());
                     found.unwrap_or(class)
                 }
-                Classify::Height(_) => class,
+                Classify::Height(_) | Classify::Noise(_) => class,
             };
         }
         class

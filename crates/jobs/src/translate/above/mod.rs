@@ -13,11 +13,12 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::grid::preset::{Metres, square_bytes};
+use crate::grid::preset::{Metres, NOISE, square_bytes};
 use crate::grid::{GroundFrom, WORKER};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Frame, Point};
-use terrane_cloud::{CloudInfo, PointFormat};
+use terrane_cloud::{CloudInfo, Flags, PointFormat};
+use terrane_ground::noise;
 use told::VALUES;
 
 pub(super) use look::Looking;
@@ -36,6 +37,8 @@ pub enum HeightsAs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Classify {
+    /// Those that a method finds to be noise are of its class; before all others, as noise is no ground.
+    Noise(noise::Asked),
     /// Those found to be ground are of class 2, and no others are.
     Ground,
     /// Those of no class (0 or 1) are of one by their height above the ground.
@@ -78,20 +81,30 @@ impl FromStr for Layers {
 impl FromStr for Classify {
     type Err = String;
 
-    /// "ground", "height", "height:3=0.5,4=2,5=5".
+    /// "ground", "height", "height:3=0.5,4=2,5=5", "noise", "noise:voxel:step=2,isolated=3".
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         match text.split_once(':') {
             None if text == "ground" => Ok(Self::Ground),
             None if text == "height" => Ok(Self::Height(Layers::default())),
+            None if text == "noise" => Ok(Self::Noise(noise::Asked::BEST)),
             Some(("height", layers)) => layers.parse().map(Self::Height),
-            _ => Err(format!("{text} is none of ground, height, height:CLASS=FROM,...")),
+            Some(("noise", method)) => {
+                noise::Asked::parse(method).map(Self::Noise).map_err(|e| e.to_string())
+            }
+            _ => Err(format!(
+                "{text} is none of ground, height, height:CLASS=FROM,..., noise, noise:METHOD"
+            )),
         }
     }
 }
 
 impl fmt::Display for Classify {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self::Height(Layers(layers)) = self else { return f.write_str("ground") };
+        let layers = match self {
+            Self::Ground => return f.write_str("ground"),
+            Self::Noise(asked) => return write!(f, "noise:{asked}"),
+            Self::Height(Layers(layers)) => layers,
+        };
         let all: Vec<_> = layers.iter().map(|(class, from)| format!("{class}={from}")).collect();
         write!(f, "height:{}", all.join(","))
     }
@@ -133,10 +146,29 @@ pub struct Above {
 const SQUARE: u64 = 512;
 const NO_HEIGHT: i32 = i32::MIN;
 
+/// Whether a record is of a class of noise.
+pub(super) fn is_known_noise(format: PointFormat, record: &[u8]) -> bool {
+    NOISE.contains(&format.class(record))
+}
+
+/// Whether a record is no point marked as withheld, or these are kept.
+pub(super) fn is_there(format: PointFormat, keeps_withheld: bool, record: &[u8]) -> bool {
+    keeps_withheld || !format.flags(record).meets(Flags::WITHHELD)
+}
+
 impl Above {
-    /// Whether anything is asked.
+    /// Whether anything is asked of the ground.
     pub(super) fn is_asked(&self) -> bool {
-        self.heights.is_some() || !self.classify.is_empty()
+        let is_noise = |one: &Classify| matches!(one, Classify::Noise(_));
+        self.heights.is_some() || !self.classify.iter().all(is_noise)
+    }
+
+    /// The method that noise is found by, if it is looked for.
+    pub(super) fn noise(&self) -> Option<&noise::Asked> {
+        self.classify.iter().find_map(|one| match one {
+            Classify::Noise(asked) => Some(asked),
+            _ => None,
+        })
     }
 
     /// Bytes that it needs for a cloud, and more for each thread.
@@ -177,8 +209,7 @@ impl Above {
     /// # Errors
     /// What cannot be asked together, or of a format.
     pub(super) fn check(&self, format: PointFormat) -> Result<()> {
-        let grounds = self.classify.iter().filter(|one| **one == Classify::Ground).count();
-        if grounds > 0 && self.from == GroundFrom::Class {
+        if self.finds_ground() && self.from == GroundFrom::Class {
             return Err(Error::usage(
                 "--classify ground cannot act: --ground class takes the classes that there are",
             )
@@ -188,7 +219,8 @@ impl Above {
             return Err(Error::usage("--ground cannot act: nothing is asked of the ground")
                 .remedy("pass --height-above-ground or --classify, or leave --ground out"));
         }
-        if grounds > 1 || self.classify.len() - grounds > 1 {
+        let kinds: Vec<_> = self.classify.iter().map(std::mem::discriminant).collect();
+        if (1..kinds.len()).any(|i| kinds[..i].contains(&kinds[i])) {
             return Err(Error::usage("--classify names one way twice").remedy("leave one out"));
         }
         let classes =
@@ -206,7 +238,7 @@ impl Above {
     fn layers(&self) -> Option<&Layers> {
         self.classify.iter().find_map(|one| match one {
             Classify::Height(layers) => Some(layers),
-            Classify::Ground => None,
+            _ => None,
         })
     }
 

@@ -113,6 +113,19 @@ impl Method {
             return Err(Error::usage("--dedupe cannot act beside what the ground tells in a plan: the ground is looked at before")
                 .remedy("plan --dedupe first, and the ground of what that gives"));
         }
+        if let Some(noise) = above.noise() {
+            if !noise.is_local() {
+                return Err(Error::usage(format!(
+                    "--classify noise:{} cannot act in a plan: its limit depends on all points",
+                    noise.name()
+                ))
+                .remedy("plan --classify noise:voxel, or run terrane points before"));
+            }
+            if above.is_asked() {
+                return Err(Error::usage("--classify noise cannot act beside what the ground tells in a plan: the ground is looked at before")
+                    .remedy("plan --classify noise first, and the ground of what that gives"));
+            }
+        }
         Ok(Self {
             input: input.clone(),
             cloud: cloud.clone(),

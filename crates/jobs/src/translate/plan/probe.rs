@@ -34,7 +34,7 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
     at.progress.begin("sample", places.len() as u64);
     for place in places {
         at.cancel.check()?;
-        if points_near(opened, work, place) <= MOST_POINTS {
+        if points_near(opened, work, place)? <= MOST_POINTS {
             let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
             bytes += probe(opened, work, (place, folder.path()), at)? as f64;
             tried += area(opened, work, place);
@@ -49,7 +49,7 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
     } as u64;
     let kind = work.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
     let [memory, thread_memory] =
-        translate::least(&opened.job, &opened.cloud, heaviest(opened, work))?;
+        translate::least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
     Ok(Needs {
         memory,
         thread_memory,
@@ -87,10 +87,10 @@ fn probe(
 }
 
 /// Points that may have to be looked at for squares.
-fn points_near(opened: &Opened, work: &Points, spans: Spans) -> u64 {
-    let frame = &opened.cloud.info().frame;
-    let near = window(&work.method.squares, spans, opened.job.reach(), frame);
-    parts_in(&opened.cloud, &near).iter().map(|part| opened.cloud.points_of(*part)).sum()
+fn points_near(opened: &Opened, work: &Points, spans: Spans) -> Result<u64> {
+    let info = opened.cloud.info();
+    let near = window(&work.method.squares, spans, opened.job.reach(info)?, &info.frame);
+    Ok(parts_in(&opened.cloud, &near).iter().map(|part| opened.cloud.points_of(*part)).sum())
 }
 
 /// Steps in squares and the box around the cloud.
@@ -106,12 +106,12 @@ fn area(opened: &Opened, work: &Points, spans: Spans) -> f64 {
 }
 
 /// Points that may have to be looked at for the task that has most of them, where that matters.
-fn heaviest(opened: &Opened, work: &Points) -> u64 {
-    if opened.job.choices() == 0 {
-        return 0;
+fn heaviest(opened: &Opened, work: &Points) -> Result<u64> {
+    if opened.job.choices() == 0 && opened.job.above.noise().is_none() {
+        return Ok(0);
     }
-    let frame = &opened.cloud.info().frame;
-    let (blocks, reach) = (&work.blocks, opened.job.reach());
+    let info = opened.cloud.info();
+    let (blocks, reach, frame) = (&work.blocks, opened.job.reach(info)?, &info.frame);
     let windows: Vec<Window> = blocks
         .all()
         .map(|block| window(&work.method.squares, blocks.of_task(block), reach, frame))
@@ -126,7 +126,7 @@ fn heaviest(opened: &Opened, work: &Points) -> u64 {
             }
         }
     }
-    points.into_iter().max().unwrap_or(0)
+    Ok(points.into_iter().max().unwrap_or(0))
 }
 
 #[cfg(test)]

@@ -81,7 +81,7 @@ impl Opened {
         at: At<'_>,
     ) -> Result<translate::Made> {
         let (job, info) = (&self.job, self.cloud.info());
-        let cells = window(&work.method.squares, spans, job.reach(), &info.frame);
+        let cells = window(&work.method.squares, spans, job.reach(info)?, &info.frame);
         let side = crate::grid::tiling(info).side();
         let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
         let mut near = Near { cells, margin: side.saturating_add(4).max(wide as i32) };

@@ -1,0 +1,99 @@
+//! Noise far from all else: points whose nearest others are further off than those of most points.
+//!
+//! After Rusu, Marton, Blodow, Dolha & Beetz, "Towards 3D point cloud based object maps for household environments"
+//! (2008), as `filters.outlier` of PDAL has it, and `sor` of lidR: of each point the mean distance to its `k` nearest
+//! others is taken; more than the mean of all of these and `m` standard deviations is noise.
+
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+
+use super::tree::Tree;
+use super::{Around, Asked, CLASS, Limit, Method, NoiseFinder, Space, Sums, bounds};
+use terrane_base::parameters::Parameter;
+
+pub(super) const METHOD: Method = Method {
+    name: "statistical",
+    source: "Rusu and others 2008, as filters.outlier of PDAL, and sor of lidR",
+    about: "points further from their nearest others than most points are",
+    parameters: &[
+        Parameter::new("k", 8.0, [1.0, 100.0], "nearest others that the mean distance is taken to")
+            .whole(),
+        Parameter::new("m", 2.0, [0.0, 1000.0], "standard deviations above the mean of all"),
+        CLASS,
+    ],
+    finder: NoiseFinder {
+        reach: None,
+        scores,
+        limit: |asked, sums| {
+            let [mean, deviation] = sums.mean_and_deviation();
+            Limit::Far(mean + asked.value("m") * deviation)
+        },
+        // Points of a part and of another, as they are and in trees, and distances.
+        bytes: |asked| 4 * 14 + 8 + 8 * (2 + asked.value("k") as u64),
+    },
+};
+
+/// The squared distances from each of some points to its nearest, in order.
+struct Nearest {
+    /// Of the points: as many as asked for, and the point itself.
+    each: usize,
+    squares: Vec<f64>,
+}
+
+impl Nearest {
+    fn of(&mut self, point: u32) -> &mut [f64] {
+        let first = point as usize * self.each;
+        &mut self.squares[first..first + self.each]
+    }
+
+    fn furthest(&self, point: u32) -> f64 {
+        self.squares[(point as usize + 1) * self.each - 1]
+    }
+
+    fn furthest_of(&self, points: &[u32]) -> f64 {
+        points.iter().map(|point| self.furthest(*point)).fold(0.0, f64::max)
+    }
+
+    /// The mean distance, in units of so many metres, rounded; 0 without others.
+    fn score(&self, point: usize, unit: f64) -> u64 {
+        let all = &self.squares[point * self.each..(point + 1) * self.each];
+        let (mut sum, mut count) = (0.0, 0.0);
+        // The first is the point itself.
+        for square in all.iter().skip(1).filter(|square| square.is_finite()) {
+            (sum, count) = (sum + square.sqrt(), count + 1.0);
+        }
+        let mean: f64 = if count > 0.0 { sum / count } else { 0.0 };
+        ((mean / unit).round() as u64).min(Sums::MOST)
+    }
+}
+
+fn scores(
+    asked: &Asked,
+    space: &Space,
+    own: &[Point],
+    around: &mut dyn Around,
+) -> Result<Vec<u64>> {
+    let each = asked.value("k") as usize + 1;
+    let mut nearest = Nearest { each, squares: vec![f64::INFINITY; each * own.len()] };
+    let tree = Tree::new(space, own.to_vec());
+    let mut open: Vec<u32> = (0..own.len() as u32).collect();
+    open.iter().for_each(|i| tree.search(own[*i as usize], nearest.of(*i)));
+    drop(tree);
+    let Some(all) = bounds(own.iter().copied()) else { return Ok(Vec::new()) };
+    let mut read = Vec::new();
+    while let Some(next) = around.next(nearest.furthest_of(&open)) {
+        // All that follow are no nearer.
+        let away = space.gap(all, next);
+        open.retain(|i| nearest.furthest(*i) > away);
+        let is_near = |i: &u32| space.gap([own[*i as usize]; 2], next) < nearest.furthest(*i);
+        let asking: Vec<u32> = open.iter().copied().filter(is_near).collect();
+        let Some(around_them) = bounds(asking.iter().map(|i| own[*i as usize])) else { continue };
+        let within = nearest.furthest_of(&asking);
+        read.clear();
+        around.load(&mut read)?;
+        read.retain(|point| space.gap([*point; 2], around_them) < within);
+        let tree = Tree::new(space, std::mem::take(&mut read));
+        asking.iter().for_each(|i| tree.search(own[*i as usize], nearest.of(*i)));
+    }
+    Ok((0..own.len()).map(|i| nearest.score(i, space.unit())).collect())
+}

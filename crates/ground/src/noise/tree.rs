@@ -1,0 +1,100 @@
+//! Points in a k-d tree, and the squared distances of the nearest to any other.
+
+use terrane_base::geom::Point;
+
+use super::{Bounds, Space, bounds, gaps};
+
+/// Most points that are not divided further.
+const LEAF: usize = 12;
+
+/// Halves of halves of some points.
+pub(super) struct Tree<'a> {
+    space: &'a Space,
+    bounds: Option<Bounds>,
+    points: Vec<Point>,
+    /// By node, the first being 1: the axis that it is divided along, and where.
+    splits: Vec<(usize, f64)>,
+}
+
+/// Points of a node, by their places, and its number.
+type Node = (usize, usize, usize);
+
+impl<'a> Tree<'a> {
+    pub(super) fn new(space: &'a Space, mut points: Vec<Point>) -> Self {
+        let all = bounds(points.iter().copied());
+        let mut splits = Vec::new();
+        let mut left: Vec<Node> = vec![(0, points.len(), 1)];
+        while let Some((first, end, node)) = left.pop() {
+            if end - first <= LEAF {
+                continue;
+            }
+            let axis = longest(space, &points[first..end]);
+            let middle = middle(first, end);
+            let half = &mut points[first..end];
+            let (_, at, _) = half.select_nth_unstable_by_key(middle - first, |p| along(*p, axis));
+            splits.resize(splits.len().max(node + 1), (0, 0.0));
+            splits[node] = (axis, along(*at, axis).into());
+            left.extend([(first, middle, 2 * node), (middle, end, 2 * node + 1)]);
+        }
+        Self { space, bounds: all, points, splits }
+    }
+
+    /// Puts the squared distances of points to one into `nearest`, which holds the least so far in their order.
+    pub(super) fn search(&self, at: Point, nearest: &mut [f64]) {
+        let Some(bounds) = self.bounds else { return };
+        self.visit((0, self.points.len(), 1), gaps(bounds, [at; 2]), at, nearest);
+    }
+
+    /// Looks at the points of a node that is `off` steps away along each axis.
+    fn visit(&self, (first, end, node): Node, off: [f64; 3], at: Point, nearest: &mut [f64]) {
+        if self.space.square(off) >= furthest(nearest) {
+            return;
+        }
+        if end - first <= LEAF {
+            let points = &self.points[first..end];
+            return points.iter().for_each(|point| offer(self.space.between(at, *point), nearest));
+        }
+        let ((axis, split), middle) = (self.splits[node], middle(first, end));
+        let beyond = split - f64::from(along(at, axis));
+        let halves = [(first, middle, 2 * node), (middle, end, 2 * node + 1)];
+        let [near, far] = if beyond > 0.0 { halves } else { [halves[1], halves[0]] };
+        self.visit(near, off, at, nearest);
+        let mut away = off;
+        away[axis] = beyond.abs();
+        self.visit(far, away, at, nearest);
+    }
+}
+
+fn middle(first: usize, end: usize) -> usize {
+    first + (end - first) / 2
+}
+
+fn along(point: Point, axis: usize) -> i32 {
+    [point.x, point.y, point.z][axis]
+}
+
+/// The axis along which points reach the furthest.
+fn longest(space: &Space, points: &[Point]) -> usize {
+    let extent = bounds(points.iter().copied()).map_or([0.0; 3], |[low, high]| {
+        [0, 1, 2].map(|i| (f64::from(along(high, i)) - f64::from(along(low, i))) * space.step[i])
+    });
+    (1..3).fold(0, |best, axis| if extent[axis] > extent[best] { axis } else { best })
+}
+
+/// The largest of some distances in order.
+fn furthest(nearest: &[f64]) -> f64 {
+    nearest.last().copied().unwrap_or(0.0)
+}
+
+/// Puts a distance among the least, if it is one of them.
+fn offer(square: f64, nearest: &mut [f64]) {
+    if square >= furthest(nearest) {
+        return;
+    }
+    let mut at = nearest.len() - 1;
+    while at > 0 && nearest[at - 1] > square {
+        nearest[at] = nearest[at - 1];
+        at -= 1;
+    }
+    nearest[at] = square;
+}

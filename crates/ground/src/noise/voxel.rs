@@ -1,0 +1,141 @@
+//! Noise that stands alone: cubes around which there are few points.
+//!
+//! After `lasnoise` of LAStools and the isolated voxel filter (`ivf`) of lidR: space is divided into cubes, and points
+//! are noise where the 27 cubes around and with their own hold few, themselves counted.
+
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+
+use super::too_small;
+use super::{Around, Asked, Bounds, CLASS, Limit, Method, NoiseFinder, Space};
+use terrane_base::parameters::Parameter;
+
+pub(super) const METHOD: Method = Method {
+    name: "voxel",
+    source: "as lasnoise, and ivf of lidR",
+    about: "points with few others in the 27 cubes around them; what is taken where none is named",
+    parameters: &[
+        Parameter::new("step", 4.0, [0.001, 100_000.0], "side of a cube, metres"),
+        Parameter::new("isolated", 5.0, [1.0, 1e6], "most points in 27 cubes that are noise")
+            .whole(),
+        CLASS,
+    ],
+    finder: NoiseFinder {
+        reach: Some(|asked, space| Ok(Voxels::new(asked, space)?.side.map(|side| 2 * side))),
+        scores,
+        limit: |asked, _| Limit::Few(most(asked)),
+        // Points, cubes and counts of a part, and of another.
+        bytes: |_| 2 * (12 + 24 + 32) + 8,
+    },
+};
+
+fn most(asked: &Asked) -> u64 {
+    asked.value("isolated") as u64
+}
+
+/// Most steps of a side.
+const MOST_STEPS: f64 = 1e18;
+
+/// Numbers of a cube along x, y and z.
+type Voxel = [i64; 3];
+
+/// Space in cubes whose corners are at multiples of their sides, which are whole steps.
+struct Voxels {
+    zero: [i64; 3],
+    side: [i64; 3],
+}
+
+impl Voxels {
+    fn new(asked: &Asked, space: &Space) -> Result<Self> {
+        let side = asked.value("step");
+        if let Some(step) = space.step.into_iter().find(|step| side < *step) {
+            return Err(too_small(side, step));
+        }
+        Ok(Self {
+            zero: space.zero,
+            side: space.step.map(|step| (side / step).round().min(MOST_STEPS) as i64),
+        })
+    }
+
+    fn of(&self, point: Point) -> Voxel {
+        let steps = [point.x, point.y, point.z].map(i64::from);
+        [0, 1, 2].map(|axis| (steps[axis] + self.zero[axis]).div_euclid(self.side[axis]))
+    }
+
+    /// Whether points within bounds may be in a cube of some others, or beside it.
+    fn touches(&self, [low, high]: [Voxel; 2], bounds: Bounds) -> bool {
+        let [first, last] = bounds.map(|point| self.of(point));
+        (0..3).all(|axis| first[axis] <= high[axis] + 1 && last[axis] >= low[axis] - 1)
+    }
+}
+
+/// Points by cube, in order.
+struct Counts(Vec<(Voxel, u64)>);
+
+impl Counts {
+    fn of(voxels: impl Iterator<Item = Voxel>) -> Self {
+        let mut all: Vec<Voxel> = voxels.collect();
+        all.sort_unstable();
+        Self(all.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as u64)).collect())
+    }
+
+    /// How many points there are in a cube and the 26 around it; more than `most` are not all counted.
+    fn around(&self, [x, y, z]: Voxel, most: u64) -> u64 {
+        let mut sum = 0;
+        for column in (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j])) {
+            let [i, j] = column;
+            let first = self.0.partition_point(|(voxel, _)| *voxel < [i, j, z - 1]);
+            let near = self.0[first..].iter().take_while(|(voxel, _)| *voxel <= [i, j, z + 1]);
+            sum += near.map(|(_, count)| count).sum::<u64>();
+            if sum > most {
+                break;
+            }
+        }
+        sum
+    }
+}
+
+fn scores(
+    asked: &Asked,
+    space: &Space,
+    own: &[Point],
+    around: &mut dyn Around,
+) -> Result<Vec<u64>> {
+    let (voxels, most) = (Voxels::new(asked, space)?, most(asked));
+    let counts = Counts::of(own.iter().map(|point| voxels.of(*point)));
+    // Cubes that may be noise, in order, with the points that are known around them.
+    let few = counts.0.iter().filter(|(_, count)| *count <= most);
+    let mut open: Vec<_> = few.map(|(voxel, _)| (*voxel, counts.around(*voxel, most))).collect();
+    open.retain(|(_, count)| *count <= most);
+    let within = space.square(voxels.side.map(|side| 2.0 * side as f64));
+    let mut read = Vec::new();
+    while let Some(span) = span(&open)
+        && let Some(bounds) = around.next(within)
+    {
+        if !open.iter().any(|(voxel, _)| voxels.touches([*voxel; 2], bounds)) {
+            continue;
+        }
+        read.clear();
+        around.load(&mut read)?;
+        let near = read.iter().filter(|point| voxels.touches(span, [**point; 2]));
+        let others = Counts::of(near.map(|point| voxels.of(*point)));
+        for (voxel, count) in &mut open {
+            *count += others.around(*voxel, most);
+        }
+        open.retain(|(_, count)| *count <= most);
+    }
+    let score = |point: &Point| {
+        let found = open.binary_search_by(|(voxel, _)| voxel.cmp(&voxels.of(*point)));
+        found.map_or(most + 1, |at| open[at].1)
+    };
+    Ok(own.iter().map(score).collect())
+}
+
+/// The lowest and the highest numbers of some cubes; `None` of none.
+fn span(open: &[(Voxel, u64)]) -> Option<[Voxel; 2]> {
+    let ends = open.iter().map(|(voxel, _)| [*voxel; 2]);
+    ends.reduce(|[low, high], [voxel, _]| {
+        let end = |of: fn(i64, i64) -> i64, end: Voxel| [0, 1, 2].map(|i| of(end[i], voxel[i]));
+        [end(i64::min, low), end(i64::max, high)]
+    })
+}
