@@ -34,10 +34,11 @@ pub(super) const USUAL: u64 = 1 << 18;
 
 /// Bytes of memory in all with which there is room for a square that sees so many points.
 pub(super) fn least(points: u64) -> u64 {
-    2 * STORES * (points * BYTES_PER_POINT).div_ceil(HEIGHTS - 1) * HEIGHTS
+    let square = points.saturating_mul(BYTES_PER_POINT).div_ceil(HEIGHTS - 1);
+    square.saturating_mul(2 * STORES * HEIGHTS)
 }
 
-/// BySquare of the surface.
+/// Heights of the surface, by square.
 pub(super) struct BySquare {
     /// Through all returns.
     plain: Surfaces,
