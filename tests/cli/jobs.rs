@@ -218,7 +218,7 @@ fn progress_of_several_files_tells_which_is_read() {
         &["grid", "a.laz", "b.laz", "c.las", "grid.tif", "--cell", "2"],
         &["grid", "a.laz", "b.laz", "c.las", "ground.tif", "--cell", "2", "--dtm"],
         &["tin", "a.laz", "b.laz", "c.las", "mesh.ply", "--max-error", "1"],
-        &["info", "a.laz", "b.laz", "c.las", "--stats"],
+        &["info", "a.laz", "b.laz", "c.las", "--mosaic", "--stats"],
     ];
     for args in verbs {
         let ran = place.ok(&[args, &["--progress", "json", "--threads", "1"]].concat());
