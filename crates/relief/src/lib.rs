@@ -59,19 +59,19 @@ pub trait Derivative: Send + Sync {
     /// Of a row of samples between two others, each with one more sample on both ends: not a number where one of nine
     /// is none. Takes time linear in the samples.
     fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
-        each(rows, out, |heights| self.at(heights, turn));
+        each(rows, out, f64::NAN, |heights| self.at(heights, turn));
     }
 }
 
-/// Tells something of each sample of a row that has nine heights.
+/// Tells something of each sample of a row that has nine heights, and `none` of others.
 #[inline(always)]
-fn each(rows: [&[f64]; 3], out: &mut [f64], at: impl Fn(&Heights) -> f64) {
+fn each<T: Copy>(rows: [&[f64]; 3], out: &mut [T], none: T, at: impl Fn(&Heights) -> T) {
     let [above, here, below] = rows.map(|row| row.windows(3));
     for (((above, here), below), out) in above.zip(here).zip(below).zip(out) {
         let heights =
             [above[0], above[1], above[2], here[0], here[1], here[2], below[0], below[1], below[2]];
         let is_whole = !heights.iter().sum::<f64>().is_nan();
-        *out = if is_whole { at(&heights) } else { f64::NAN };
+        *out = if is_whole { at(&heights) } else { none };
     }
 }
 

@@ -51,8 +51,32 @@ impl Derivative for Hillshade {
 
     fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
         let lamps = self.lamps();
-        crate::each(rows, out, |heights| self.bright(&lamps, self.gradient.of(heights, turn)));
+        if self.light != Light::One {
+            let bright = |heights: &_| self.bright(&lamps, self.gradient.of(heights, turn));
+            return crate::each(rows, out, f64::NAN, bright);
+        }
+        // Roots and quotients of several samples at a time.
+        for (run, out) in out.chunks_mut(RUN).enumerate() {
+            let rows = rows.map(|row| &row[run * RUN..][..out.len() + 2]);
+            let mut slopes = [[0.0; 2]; RUN];
+            let slopes = &mut slopes[..out.len()];
+            crate::each(rows, slopes, [f64::NAN; 2], |heights| self.gradient.of(heights, turn));
+            for (out, slope) in out.iter_mut().zip(&*slopes) {
+                let tone = tone(lamps[0].lit(slope.map(|by| by * self.exaggeration)));
+                *out = if slope[0].is_nan() { f64::NAN } else { tone };
+            }
+        }
     }
+}
+
+/// Samples of a row that are looked at together.
+const RUN: usize = 64;
+
+/// The whole number for a brightness of at most 1. Halves go up.
+#[inline(always)]
+fn tone(bright: f64) -> f64 {
+    // Of numbers that are not negative, truncation is the floor, and no call on any processor.
+    f64::from((1.0 + 254.0 * bright.max(0.0) + 0.5).min(255.0) as i32)
 }
 
 /// A light: the cosine and sine of its direction, and the sine and cosine of its height.
@@ -111,7 +135,6 @@ impl Hillshade {
                 weights.into_iter().zip(lamps).map(of).sum::<f64>() / steep / 2.0
             }
         };
-        // Halves go up. Of numbers that are not negative, truncation is the floor, and no call on any processor.
-        f64::from((1.0 + 254.0 * bright.max(0.0) + 0.5) as u32).min(255.0)
+        tone(bright)
     }
 }

@@ -117,6 +117,33 @@ proptest! {
 }
 
 #[test]
+fn rows_of_shades_are_their_samples() {
+    let height = |k: usize| match k % 97 {
+        13 => f64::NAN,
+        _ => (k * 7919 % 1009) as f64 * if k.is_multiple_of(3) { 0.01 } else { 3.0 },
+    };
+    let rows: [Vec<f64>; 3] =
+        std::array::from_fn(|row| (0..203).map(|col| height(row * 203 + col)).collect());
+    let turn = [[0.1, 0.02], [0.0, -0.1]];
+    for (light, gradient) in [
+        (Light::One, Gradient::Horn),
+        (Light::One, Gradient::ZevenbergenThorne),
+        (Light::Combined, Gradient::Horn),
+        (Light::Four, Gradient::Horn),
+    ] {
+        let shade = Hillshade { light, gradient, exaggeration: 0.3, ..Hillshade::default() };
+        let mut out = [0.0; 201];
+        shade.row(rows.each_ref().map(|row| &row[..]), &turn, &mut out);
+        for (i, out) in out.into_iter().enumerate() {
+            let nine = std::array::from_fn(|k| rows[k / 3][i + k % 3]);
+            let is_void = nine.iter().any(|z: &f64| z.is_nan());
+            let expected = if is_void { f64::NAN } else { shade.at(&nine, &turn) };
+            assert_eq!(out.to_bits(), expected.to_bits(), "{light:?} {i}");
+        }
+    }
+}
+
+#[test]
 fn level_ground_has_no_aspect_and_no_curvature() {
     let (z, turn) = ([5.0; 9], [[0.1, 0.0], [0.0, -0.1]]);
     assert!(Aspect::default().at(&z, &turn).is_nan());
