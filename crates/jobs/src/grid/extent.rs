@@ -25,6 +25,17 @@ pub enum Compat {
     Lasr,
 }
 
+/// Cells whose values are asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Piece<'a> {
+    /// All cells.
+    pub(super) extent: &'a Extent,
+    /// Those of them.
+    pub(super) rect: Rect,
+    /// Longest edge of triangles that are surface, in world units.
+    pub(super) max_edge: Option<f64>,
+}
+
 /// Where the cells of a grid lie.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Placement {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::extent::Extent;
+use super::extent::{Extent, Piece};
 use super::preset::{Model, more_is_needed};
 use crate::points::{Around, PointStore, Positions, Surface, Tiling};
 use crate::sift::Losses;
@@ -29,18 +29,16 @@ pub(super) enum Heights {
 }
 
 impl Heights {
-    /// The values of a band at the centres of the cells of `rect`, NaN where there is none.
+    /// The values of a band at the centres of cells, NaN where there is none.
     pub(super) fn values(
         &self,
         statistic: Statistic,
-        max_edge: Option<f64>,
-        extent: &Extent,
-        rect: Rect,
+        piece: Piece<'_>,
         out: &mut [f64],
     ) -> Result<()> {
         match self {
-            Self::Surfaces(surfaces) => surfaces.values(statistic, max_edge, extent, rect, out),
-            Self::Model(model) => model.values(max_edge, extent, rect, out),
+            Self::Surfaces(surfaces) => surfaces.values(statistic, piece, out),
+            Self::Model(model) => model.values(piece, out),
         }
     }
 
@@ -105,17 +103,17 @@ impl Surfaces {
         self.store.spilled()
     }
 
-    /// The values of a statistic at the centres of the cells of `rect`, NaN where there is no surface.
+    /// The values of a statistic at the centres of cells, NaN where there is no surface.
     pub(super) fn values(
         &self,
         statistic: Statistic,
-        max_edge: Option<f64>,
-        extent: &Extent,
-        rect: Rect,
+        piece: Piece<'_>,
         out: &mut [f64],
     ) -> Result<()> {
         let shape = match statistic.shape() {
-            Some(Shape::Linear { max_edge: own }) => Shape::Linear { max_edge: own.or(max_edge) },
+            Some(Shape::Linear { max_edge: own }) => {
+                Shape::Linear { max_edge: own.or(piece.max_edge) }
+            }
             Some(Shape::Natural) => Shape::Natural,
             None => return Ok(()),
         };
@@ -124,7 +122,7 @@ impl Surfaces {
             return Err(more_is_needed());
         }
         let surface = Surface { store, hull, frame: *frame, shape };
-        let centres = Centres::new(extent, rect, frame);
+        let centres = Centres::new(piece.extent, piece.rect, frame);
         surface.fill(centres.positions(), out)
     }
 

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::blocks::Blocks;
-use super::extent::Extent;
+use super::extent::{Extent, Piece};
 use super::make::Bands;
 use super::neighbours::Heights;
 use terrane_base::error::{Error, Result};
@@ -42,7 +42,8 @@ impl Finished<'_> {
     /// The values of a band in `rect` of all cells computed, NaN where void.
     fn unfilled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
         if let (Some(heights), true) = (&self.heights, band.is_triangulated()) {
-            return heights.values(band.statistic, self.max_edge, self.extent, rect, out);
+            let piece = Piece { extent: self.extent, rect, max_edge: self.max_edge };
+            return heights.values(band.statistic, piece, out);
         }
         out.fill(if band.counts() { 0.0 } else { f64::NAN });
         let (stride, shift) = (rect.width as usize, self.blocks.shift());

@@ -13,6 +13,9 @@ pub(crate) struct Metres {
 }
 
 impl Metres {
+    /// What is said of a guess.
+    pub(crate) const GUESS: &str = "the cloud names no unit of length; it is taken for metres";
+
     /// By the units of `crs`; heights of no known unit are in that of x and y.
     ///
     /// # Errors

@@ -22,7 +22,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::GridJob;
-use super::extent::Extent;
+use super::extent::{Extent, Piece};
 use super::near::Near;
 use super::neighbours::Surfaces;
 use crate::points::{Filling, Limits, PointStore, Tiling};
@@ -35,7 +35,7 @@ pub(crate) use seen::Seen;
 use spike_free::BySquare;
 use squares::{Squares, Tally};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point, Rect};
+use terrane_base::geom::Point;
 use terrane_cloud::{
     self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, PointSource, Return,
 };
@@ -221,7 +221,7 @@ pub(super) struct Making<'a> {
 pub(super) struct Model {
     preset: Preset,
     ground: Option<Surfaces>,
-    top: Option<Top>,
+    top: Option<Box<dyn Top>>,
     /// What became of the points of its surface.
     pub(super) census: Census,
     /// Files whose damage was passed over.
@@ -333,7 +333,7 @@ impl Model {
         }
         let ground = self.ground.as_ref();
         let layers = Layers::new(first, ground, (&metres, cloud.frame), making)?;
-        self.top = Some(Top::PitFree(layers));
+        self.top = Some(Box::new(layers));
         Ok(())
     }
 
@@ -356,7 +356,7 @@ impl Model {
         let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
         let all = making.limited(all, window, &around)?;
         let top = BySquare::new(all, tally, cloud.frame, making)?;
-        self.top = Some(Top::SpikeFree(Box::new(top)));
+        self.top = Some(Box::new(top));
         Ok(())
     }
 
@@ -369,36 +369,29 @@ impl Model {
     /// Steps in metres; a unit that is guessed is noted, once.
     fn metres(&mut self, cloud: &CloudInfo) -> Result<Metres> {
         let metres = Metres::of(&cloud.crs, &cloud.frame)?;
-        let note = "the cloud names no unit of length; it is taken for metres";
-        if metres.is_guess && !self.notes.iter().any(|other| other == note) {
-            self.notes.push(note.to_owned());
+        if metres.is_guess && !self.notes.iter().any(|note| note == Metres::GUESS) {
+            self.notes.push(Metres::GUESS.to_owned());
         }
         Ok(metres)
     }
 
-    /// Its values at the centres of the cells of `rect`, NaN where void.
-    pub(super) fn values(
-        &self,
-        max_edge: Option<f64>,
-        extent: &Extent,
-        rect: Rect,
-        out: &mut [f64],
-    ) -> Result<()> {
+    /// Its values at the centres of cells, NaN where void.
+    pub(super) fn values(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
         if self.is_exceeded() {
             return Err(more_is_needed());
         }
         if let Some(top) = &self.top {
-            top.values(max_edge, extent, rect, out)?;
+            top.values(piece, out)?;
         }
         let Some(ground) = self.ground.as_ref().filter(|_| self.preset != Preset::Dsm) else {
             return Ok(());
         };
-        let linear = Statistic::linear(max_edge);
+        let linear = Statistic::linear(None);
         if self.preset == Preset::Dtm {
-            return ground.values(linear, None, extent, rect, out);
+            return ground.values(linear, piece, out);
         }
         let mut below = vec![0.0; out.len()];
-        ground.values(linear, None, extent, rect, &mut below)?;
+        ground.values(linear, piece, &mut below)?;
         for (top, below) in out.iter_mut().zip(below) {
             // Void where either is: a maximum would make that 0.
             *top -= below;
@@ -410,13 +403,13 @@ impl Model {
     /// True when points were needed that were not read.
     pub(super) fn is_exceeded(&self) -> bool {
         let ground = self.ground.as_ref().is_some_and(|ground| ground.store().is_exceeded());
-        ground || self.top.as_ref().is_some_and(Top::is_exceeded)
+        ground || self.top.as_ref().is_some_and(|top| top.is_exceeded())
     }
 
     /// Bytes that went to temporary files.
     pub(super) fn spilled_bytes(&self) -> u64 {
         let ground = self.ground.as_ref().map_or(0, Surfaces::spilled_bytes);
-        self.spilled + ground + self.top.as_ref().map_or(0, Top::spilled)
+        self.spilled + ground + self.top.as_ref().map_or(0, |top| top.spilled())
     }
 }
 

@@ -3,15 +3,16 @@
 
 use std::convert::Infallible;
 
-use super::super::extent::Extent;
+use super::super::extent::Piece;
 use super::super::neighbours::{Centres, Surfaces};
 use super::Making;
 use super::filter::spacing;
 use super::metres::Metres;
+use super::top::Top;
 use crate::points::{Around, MOST_POINTS, Part, PointStore, Positions, reach};
 use crate::workers;
 use terrane_base::error::Result;
-use terrane_base::geom::{Frame, Point, Rect};
+use terrane_base::geom::{Frame, Point};
 use terrane_delaunay::{Bins, Found, Hull, Position, Window, interpolate};
 use terrane_gridding::pitfree::{Facet, PitFree, is_short};
 
@@ -36,6 +37,25 @@ impl Layer {
     fn new(store: PointStore) -> Result<Self> {
         let hull = store.hull()?;
         Ok(Self { store, hull })
+    }
+}
+
+impl Top for Layers {
+    fn values(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
+        let centres = Centres::new(piece.extent, piece.rect, &self.frame);
+        let at = centres.positions();
+        let near = |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum();
+        at.in_parts(MOST_POINTS, near, |part, window| {
+            self.fill(at, part, window, piece.max_edge, out)
+        })
+    }
+
+    fn is_exceeded(&self) -> bool {
+        self.layers.iter().any(|layer| layer.store.is_exceeded())
+    }
+
+    fn spilled(&self) -> u64 {
+        self.layers.iter().map(|layer| layer.store.spilled()).sum()
     }
 }
 
@@ -64,30 +84,6 @@ impl Layers {
         let layers = stores.map(Layer::new).collect::<Result<_>>()?;
         let [x, y, _] = metres.step;
         Ok(Self { layers, pits, frame, scale: [x, y], is_part: window.is_some() })
-    }
-
-    /// True when points were needed that were not read.
-    pub(super) fn is_exceeded(&self) -> bool {
-        self.layers.iter().any(|layer| layer.store.is_exceeded())
-    }
-
-    /// Bytes that went to temporary files.
-    pub(super) fn spilled(&self) -> u64 {
-        self.layers.iter().map(|layer| layer.store.spilled()).sum()
-    }
-
-    /// World heights at the centres of the cells of `rect`, NaN where there is no surface.
-    pub(super) fn values(
-        &self,
-        max_edge: Option<f64>,
-        extent: &Extent,
-        rect: Rect,
-        out: &mut [f64],
-    ) -> Result<()> {
-        let centres = Centres::new(extent, rect, &self.frame);
-        let at = centres.positions();
-        let near = |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum();
-        at.in_parts(MOST_POINTS, near, |part, window| self.fill(at, part, window, max_edge, out))
     }
 
     fn fill(

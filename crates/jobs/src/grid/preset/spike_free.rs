@@ -8,9 +8,10 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::super::extent::Extent;
+use super::super::extent::Piece;
 use super::super::neighbours::{Centres, Surfaces};
 use super::squares::{Squares, Tally};
+use super::top::Top;
 use super::{Making, STORES, too_little};
 use crate::points::PointStore;
 use crate::workers;
@@ -52,6 +53,43 @@ pub(super) struct BySquare {
 /// Columns, or rows, whose centres lie in the squares along an axis.
 type Spans = BTreeMap<i32, Range<u32>>;
 
+impl Top for BySquare {
+    fn values(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
+        out.fill(PLAIN);
+        let ([xs, ys], rect) = (&self.spans, piece.rect);
+        let within = |spans: &Spans, low: u32, count: u32| -> Vec<_> {
+            let span = |(square, span): (&i32, &Range<u32>)| {
+                let part = span.start.max(low)..span.end.min(low + count);
+                (!part.is_empty()).then(|| (*square, span.clone(), part))
+            };
+            spans.iter().filter_map(span).collect()
+        };
+        let cols = within(xs, rect.col, rect.width);
+        for (y, rows, part) in within(ys, rect.row, rect.height) {
+            for (x, all, cols) in &cols {
+                let Some(number) = self.numbers.get(&[*x, y]) else { continue };
+                for row in part.clone() {
+                    let first =
+                        (row - rows.start) as usize * all.len() + (cols.start - all.start) as usize;
+                    let place = (row - rect.row) as usize * rect.width as usize
+                        + (cols.start - rect.col) as usize;
+                    let line = &mut out[place..][..cols.len()];
+                    self.heights.read_from(*number, first as u64, line)?;
+                }
+            }
+        }
+        self.fill_plain(piece, out)
+    }
+
+    fn is_exceeded(&self) -> bool {
+        self.plain.store().is_exceeded()
+    }
+
+    fn spilled(&self) -> u64 {
+        self.plain.spilled_bytes() + self.heights.spilled()
+    }
+}
+
 impl BySquare {
     /// Over the points of `all`, as the squares see them that were counted.
     pub(super) fn new(
@@ -87,59 +125,9 @@ impl BySquare {
         Ok(made)
     }
 
-    /// True when points were needed that were not read.
-    pub(super) fn is_exceeded(&self) -> bool {
-        self.plain.store().is_exceeded()
-    }
-
-    /// Bytes that went to temporary files.
-    pub(super) fn spilled(&self) -> u64 {
-        self.plain.spilled_bytes() + self.heights.spilled()
-    }
-
-    /// World heights at the centres of the cells of `rect`, NaN where there is no surface.
-    pub(super) fn values(
-        &self,
-        max_edge: Option<f64>,
-        extent: &Extent,
-        rect: Rect,
-        out: &mut [f64],
-    ) -> Result<()> {
-        out.fill(PLAIN);
-        let [xs, ys] = &self.spans;
-        let within = |spans: &Spans, low: u32, count: u32| -> Vec<_> {
-            let span = |(square, span): (&i32, &Range<u32>)| {
-                let part = span.start.max(low)..span.end.min(low + count);
-                (!part.is_empty()).then(|| (*square, span.clone(), part))
-            };
-            spans.iter().filter_map(span).collect()
-        };
-        let cols = within(xs, rect.col, rect.width);
-        for (y, rows, part) in within(ys, rect.row, rect.height) {
-            for (x, all, cols) in &cols {
-                let Some(number) = self.numbers.get(&[*x, y]) else { continue };
-                for row in part.clone() {
-                    let first =
-                        (row - rows.start) as usize * all.len() + (cols.start - all.start) as usize;
-                    let place = (row - rect.row) as usize * rect.width as usize
-                        + (cols.start - rect.col) as usize;
-                    let line = &mut out[place..][..cols.len()];
-                    self.heights.read_from(*number, first as u64, line)?;
-                }
-            }
-        }
-        self.fill_plain(max_edge, extent, rect, out)
-    }
-
     /// Puts heights of the plain triangulation to where they are asked for.
-    fn fill_plain(
-        &self,
-        max_edge: Option<f64>,
-        extent: &Extent,
-        rect: Rect,
-        out: &mut [f64],
-    ) -> Result<()> {
-        let width = rect.width as usize;
+    fn fill_plain(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
+        let (rect, width) = (piece.rect, piece.rect.width as usize);
         let asked = out.iter().enumerate().filter(|(_, height)| **height == PLAIN);
         let ends = asked.map(|(k, _)| [k % width, k / width]).fold(None, |ends, at| {
             let [low, high] = ends.unwrap_or([at; 2]);
@@ -154,7 +142,7 @@ impl BySquare {
             size[1] as u32,
         );
         let mut plain = vec![f64::NAN; size[0] * size[1]];
-        self.plain.values(Statistic::linear(max_edge), None, extent, part, &mut plain)?;
+        self.plain.values(Statistic::linear(None), Piece { rect: part, ..piece }, &mut plain)?;
         for (row, line) in plain.chunks(size[0]).enumerate() {
             let own = &mut out[(low[1] + row) * width + low[0]..][..size[0]];
             let asked = own.iter_mut().zip(line).filter(|(height, _)| **height == PLAIN);

@@ -216,7 +216,7 @@ impl Looking<'_> {
     fn filtered(&self, candidates: &PointStore, notes: &mut Vec<String>) -> Result<PointStore> {
         let metres = Metres::of(&self.info.crs, &self.info.frame)?;
         if metres.is_guess {
-            notes.push("the cloud names no unit of length; it is taken for metres".to_owned());
+            notes.push(Metres::GUESS.to_owned());
         }
         let tile = (self.square + self.memory / TILE_SHARE) / self.threads as u64;
         let ground = self.store();

@@ -184,8 +184,7 @@ impl Looking<'_> {
         };
         let (class, asked) = (self.asked.class(), self.asked);
         let found = format!("noise: {found} points of class {class} by {asked}{far}");
-        let guess = "the cloud names no unit of length; it is taken for metres";
-        [found].into_iter().chain(is_guess.then(|| guess.to_owned())).collect()
+        [found].into_iter().chain(is_guess.then(|| Metres::GUESS.to_owned())).collect()
     }
 }
 
