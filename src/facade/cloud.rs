@@ -13,10 +13,10 @@ use terrane_base::{Error, Result};
 use terrane_cloud::{self as cloud, CloudInfo, Filter, HeldCloud, Marks, OpenOptions};
 use terrane_files::name_of;
 use terrane_gridding::parse_list;
+use terrane_jobs::cloud_tin::plan::{PlanCloudTinJob, plan_cloud_tin};
 use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
 use terrane_jobs::grid::plan::{PlanGridJob, plan_grid};
 use terrane_jobs::grid::{self, Canopy, GridJob, GridReport, GroundFrom, Placement, Preset};
-use terrane_jobs::placing::Placing;
 use terrane_raster::Inputs;
 
 /// A point cloud, in one file or many: what [`open_cloud`] opens. Nothing of it is held.
@@ -248,21 +248,55 @@ impl CloudTinBuilder<'_> {
     /// No tolerance, or one that is none; points that are no surface; features none of which is on the cloud; damage
     /// in the files; too little memory; an output that exists or cannot be written; cancelled.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<CloudTinReport> {
-        let none = || Error::usage("the mesh has nothing to reach").remedy("say .max_error(...)");
-        let job = CloudTinJob {
-            inputs: self.cloud.inputs.clone(),
-            options: self.cloud.options.clone(),
-            output: path.into(),
-            format: self.format,
-            overwrite: self.run.overwrite,
-            placing: Placing::default(),
-            tolerance: self.tolerance.ok_or_else(none)?,
-            keep_points: self.keep_points.map(name_of).transpose()?,
-            breaklines: self.breaklines.map(name_of).transpose()?,
-            measure: true,
-            resources: self.run.resources()?,
-        };
+        let job = CloudTinJob { measure: true, ..self.job(path.into())? };
         cloud_tin::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+
+    /// Writes down in a folder what is to be made and by which tasks, so that it can be done by pieces and by
+    /// many machines: [`Plan`](crate::Plan). A task has `cut` points at the most, but for the few that are worked on
+    /// together, or as many as make a fair piece of work. The format is PLY unless told otherwise.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write); points to keep and breaklines; a folder that holds something else.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let (work, mesh) = (folder.path().join("work"), folder.path().join("mesh.ply"));
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
+    /// let plan = cloud.tin().max_error(0.5).plan(&work, None)?;
+    /// plan.run().task("choose-0").run()?; // anywhere, in any order
+    /// plan.run().output(&mesh).run()?; // what is left, and the mesh
+    /// assert!(cloud.verify(&mesh).run()?.verdict.passed);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn plan(self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
+        if self.run.overwrite {
+            return Err(Error::usage("a plan writes no mesh yet, in place of another")
+                .remedy("leave overwrite out, and say it of the run"));
+        }
+        let folder = folder.into();
+        let format = Some(self.format.clone().unwrap_or_else(|| "PLY".to_owned()));
+        let job = CloudTinJob { format, ..self.job(folder.join("mesh"))? };
+        let plan =
+            PlanCloudTinJob { job, folder: folder.clone(), cut: cut.into(), skipped: Vec::new() };
+        plan_cloud_tin(&plan, &*self.run.progress, &self.run.cancel)?;
+        Plan::open(folder)
+    }
+
+    fn job(&self, output: PathBuf) -> Result<CloudTinJob> {
+        let none = || Error::usage("the mesh has nothing to reach").remedy("say .max_error(...)");
+        let (tolerance, resources) = (self.tolerance.ok_or_else(none)?, self.run.resources()?);
+        let name = |file: &Option<PathBuf>| file.clone().map(name_of).transpose();
+        Ok(CloudTinJob {
+            options: self.cloud.options.clone(),
+            format: self.format.clone(),
+            overwrite: self.run.overwrite,
+            keep_points: name(&self.keep_points)?,
+            breaklines: name(&self.breaklines)?,
+            ..CloudTinJob::new(self.cloud.inputs.clone(), output, tolerance, resources)
+        })
     }
 }
 

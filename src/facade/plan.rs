@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
+use terrane_jobs::cloud_tin::plan::{cloud_tin_status, run_cloud_tin};
 use terrane_jobs::grid::plan::{grid_status, run_grid};
 use terrane_jobs::plan::{DiskCheck, Kind, RunJob, RunReport, StatusReport, TaskReport, kind};
 use terrane_jobs::tiles::{run_tiles, tiles_status};
@@ -11,11 +12,12 @@ use terrane_jobs::tin::{Form, run_plan, status_of};
 use terrane_jobs::translate::plan::{points_status, run_points};
 
 /// A plan in a folder: what is to be made, of what, by which tasks. [`TinBuilder::plan`],
-/// [`GridBuilder::plan`], [`TilesBuilder::plan`] and [`PointsBuilder::plan_squares`] write one; any number of processes and
+/// [`CloudTinBuilder::plan`], [`GridBuilder::plan`], [`TilesBuilder::plan`] and [`PointsBuilder::plan_squares`] write one; any number of processes and
 /// machines that see the folder may [`run`](Self::run) it, or its tasks, at the same time and as often as they like. What comes out is, byte
 /// for byte, what the builder's `write` gives.
 ///
 /// [`TinBuilder::plan`]: crate::TinBuilder::plan
+/// [`CloudTinBuilder::plan`]: crate::CloudTinBuilder::plan
 /// [`GridBuilder::plan`]: crate::GridBuilder::plan
 /// [`TilesBuilder::plan`]: crate::TilesBuilder::plan
 /// [`PointsBuilder::plan_squares`]: crate::PointsBuilder::plan_squares
@@ -104,6 +106,7 @@ impl Plan {
     pub fn status(&self) -> Result<PlanStatus> {
         match self.kind {
             Kind::Tin => status_of(&self.folder).map(PlanStatus::of),
+            Kind::Cloud => cloud_tin_status(&self.folder).map(PlanStatus::of),
             Kind::Grid => grid_status(&self.folder).map(PlanStatus::of),
             Kind::Tiles => tiles_status(&self.folder).map(PlanStatus::of),
             Kind::Points => points_status(&self.folder).map(PlanStatus::of),
@@ -185,6 +188,12 @@ impl PlanBuilder<'_> {
                 let form = Form::default();
                 let job = RunJob { folder, task, output, overwrite, form, disk, resources };
                 let report = run_plan(&job, &*progress, &cancel)?;
+                let written = report.of.mesh.as_ref().map(|mesh| mesh.output.clone());
+                Ok(PlanRun::of(report, written))
+            }
+            Kind::Cloud => {
+                let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+                let report = run_cloud_tin(&job, &*progress, &cancel)?;
                 let written = report.of.mesh.as_ref().map(|mesh| mesh.output.clone());
                 Ok(PlanRun::of(report, written))
             }

@@ -66,7 +66,7 @@ pub struct CloudInfo {
 }
 
 /// What became of the points that were read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Census {
     /// Points that the files hold, those lost among them.
     pub read: u64,

@@ -9,10 +9,12 @@ use clap::Subcommand;
 
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, many, names, parse, system};
+use crate::cli::shared::{self, Outcome, args, many, names, parse, system};
 use crate::cli::{grid, points, tiles, tin};
 use crate::error::{Error, Result};
 use crate::files::path_of;
+use crate::jobs::cloud_tin::CloudTinJob;
+use crate::jobs::cloud_tin::plan::plan_cloud_tin;
 use crate::jobs::grid::plan::plan_grid;
 use crate::jobs::plan::PlanJob;
 use crate::jobs::sift::Sifted;
@@ -38,11 +40,12 @@ enum What {
     Points(Box<PointsArgs>),
 }
 
-/// Plan a triangle mesh with a proven vertical error bound; the same mesh as that of `terrane tin`
+/// Plan a triangle mesh with a proven vertical error bound, of a grid or of the points of clouds; the same mesh as that
+/// of `terrane tin`
 #[derive(Clone, Debug, clap::Args)]
 struct TinArgs {
     /// Grid file, or a synthetic terrain by name such as synth:rough,size=80001; several files, a
-    /// folder, a list or a pattern in quotes are one mosaic
+    /// folder, a list or a pattern in quotes are one mosaic. Or point clouds, one or many
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
@@ -61,10 +64,15 @@ struct TinArgs {
     #[command(flatten)]
     system: system::System,
     #[command(flatten)]
+    points: shared::points::Points,
+    #[command(flatten)]
     method: tin::Method,
-    /// Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]
+    /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..), help_heading = "Method")]
     strip_rows: Option<u32>,
+    /// Of a cloud: most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
+    #[arg(long, value_name = "POINTS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
+    cut: Option<u32>,
     #[command(flatten)]
     show: args::Show,
 }
@@ -220,6 +228,15 @@ fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
+    if args.many.are_clouds(&args.input)? {
+        return plan_of_cloud(args, cancel);
+    }
+    args.points.refuse(&args.input[0])?;
+    if args.cut.is_some() {
+        return Err(Error::usage("--cut is for point clouds, and this is none")
+            .in_file(&path_of(&args.input[0]))
+            .remedy("say how large tasks are by --strip-rows"));
+    }
     let resources = Resources::default();
     let options = args.grid.open_options(&resources);
     let Sifted { names, skipped } =
@@ -228,6 +245,30 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
     let job = PlanJob { skipped, ..job(args)? };
     let report = plan_work(&job, args.show.progress().as_ref(), cancel)?;
     args.show.tell(&report, || status::summary(&report))?;
+    Ok(Outcome::Kept)
+}
+
+fn plan_of_cloud(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
+    let of_grids =
+        [("--strip-rows", args.strip_rows.is_some()), ("--to-crs", args.system.is_given())];
+    let of_grids = of_grids.into_iter().chain(args.method.options_of_grids());
+    tin::refuse_options(&args.input[0], of_grids, &args.grid)?;
+    let resources = Resources::default();
+    let options = args.points.open_options(&resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
+    let format = mesh::by_path(&args.folder, Some(&args.format))?;
+    let output = args.folder.join("mesh").with_extension(format.extensions[0]);
+    let job = CloudTinJob {
+        options: args.many.reading(options),
+        format: Some(format.name.to_owned()),
+        keep_points: args.method.keep_points.clone(),
+        breaklines: args.method.breaklines.clone(),
+        ..CloudTinJob::new(names, output, args.max_error, resources)
+    };
+    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
+    let report = plan_cloud_tin(&plan, args.show.progress().as_ref(), cancel)?;
+    args.show.tell(&report, || status::cloud_summary(&report))?;
     Ok(Outcome::Kept)
 }
 

@@ -8,6 +8,7 @@ use crate::cli::shared::{Outcome, args, say, text};
 use crate::cli::{grid, points, tiles, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
+use crate::jobs::cloud_tin::plan::{CloudTinRun, run_cloud_tin};
 use crate::jobs::grid::plan::{GridRun, run_grid};
 use crate::jobs::plan::{self, Kind, RunJob, kind};
 use crate::jobs::tiles::run_tiles;
@@ -20,7 +21,7 @@ use crate::jobs::translate::plan::{PointsRun, run_points};
 pub(crate) struct Args {
     /// Folder of the plan
     folder: PathBuf,
-    /// Only this task, such as strip-0, seam-0, tile-0, near-0, squares-0 or finish; many may be done at the same time, on any
+    /// Only this task, such as strip-0, seam-0, choose-0, tile-0, near-0, squares-0 or finish; many may be done at the same time, on any
     /// machine that sees the folder and the input
     #[arg(long, value_name = "ID")]
     task: Option<String>,
@@ -112,6 +113,12 @@ fn work(
                 return Ok(Outcome::Broken);
             }
         }
+        Kind::Cloud => {
+            how.refuse_split("a cloud's mesh")?;
+            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+            let report = run_cloud_tin(&job, how.show.progress().as_ref(), cancel)?;
+            how.show.tell(&report, || cloud_summary(&report))?;
+        }
         Kind::Grid => {
             how.refuse_split("a grid")?;
             let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
@@ -139,7 +146,8 @@ impl How {
         match self.split.tiles {
             None => Ok(()),
             Some(_) => {
-                let message = format!("--split is for meshes, and this is the plan of {of}");
+                let message =
+                    format!("--split is for meshes of grids, and this is the plan of {of}");
                 Err(Error::usage(message).remedy("leave --split out"))
             }
         }
@@ -154,6 +162,11 @@ fn tiles_summary(r: &crate::jobs::tiles::RunReport) -> String {
 fn points_summary(r: &PointsRun) -> String {
     let made = format!("{} points written", text::count(r.of.points));
     told(r, &rows(r, made, None), r.of.written.as_ref().map(points::written_squares))
+}
+
+fn cloud_summary(r: &CloudTinRun) -> String {
+    let made = format!("{} vertices chosen", text::count(r.of.vertices));
+    told(r, &rows(r, made, None), r.of.mesh.as_ref().map(tin::cloud_summary))
 }
 
 fn grid_summary(r: &GridRun) -> String {

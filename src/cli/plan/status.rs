@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say, text};
 use crate::error::Result;
+use crate::jobs::cloud_tin::plan::{CloudTinStatus, cloud_tin_status};
 use crate::jobs::grid::plan::{GridStatus, grid_status};
 use crate::jobs::plan::{self, Forecast, Kind, kind};
 use crate::jobs::sift::Skipped;
@@ -33,6 +34,7 @@ impl Verb for Args {
 fn run(args: &Args) -> Result<Outcome> {
     match kind(&args.folder)? {
         Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
+        Kind::Cloud => tell(args, &cloud_tin_status(&args.folder)?, cloud_summary),
         Kind::Grid => tell(args, &grid_status(&args.folder)?, grid_summary),
         Kind::Tiles => tell(args, &tiles_status(&args.folder)?, tiles_summary),
         Kind::Points => tell(args, &points_status(&args.folder)?, points_summary),
@@ -67,6 +69,16 @@ pub(crate) fn summary(r: &StatusReport) -> String {
     let error = text::number(r.of.max_error);
     let of = [
         ("samples", text::count(r.of.samples)),
+        ("max error", format!("{error}, written as {}", r.format)),
+    ];
+    table("mesh", of, r)
+}
+
+/// The plan of a mesh of a cloud for people.
+pub(crate) fn cloud_summary(r: &CloudTinStatus) -> String {
+    let (points, error) = (text::count(r.of.points), text::number(r.of.max_error));
+    let of = [
+        ("points", format!("{points} in {} regions", text::count(r.of.regions))),
         ("max error", format!("{error}, written as {}", r.format)),
     ];
     table("mesh", of, r)

@@ -185,6 +185,25 @@ impl Method {
         }
     }
 
+    /// Options that only the engine has, and only for grids, and whether they were given.
+    pub(crate) fn engine_options(&self) -> [(&'static str, bool); 7] {
+        [
+            ("--strict", self.strict),
+            ("--no-drop", self.no_drop),
+            ("--fit", self.fit),
+            ("--min-angle", self.min_angle.is_some()),
+            ("--water", self.water.is_some()),
+            ("--tile", self.tile.is_some()),
+            ("--bound surface", self.bound == Bound::Surface),
+        ]
+    }
+
+    /// Options that are for grids, and whether they were given.
+    pub(crate) fn options_of_grids(&self) -> impl Iterator<Item = (&'static str, bool)> {
+        let open = ("--triangulation", self.triangulation.is_some());
+        std::iter::once(open).chain(self.engine_options())
+    }
+
     /// The files that it reads.
     pub(crate) fn files(&self) -> impl Iterator<Item = String> {
         self.keep_points.iter().chain(&self.breaklines).chain(&self.water).cloned()

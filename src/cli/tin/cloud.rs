@@ -1,22 +1,25 @@
 //! `terrane tin` on point clouds.
 
+use std::path::{Path, PathBuf};
+
+use crate::cli::shared::args::Grid;
 use crate::cli::shared::many::Kind;
 use crate::cli::shared::{Outcome, check, points, report, text};
 use crate::cli::tin::args::Args;
-use crate::cli::tin::textbook::engine_options;
 use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::Cancel;
-use crate::jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use crate::jobs::cloud_tin::{self, CloudTinJob, CloudTinReport, plan};
 use crate::jobs::sift::Sifted;
 use crate::jobs::verify::{CloudVerifyJob, verify_cloud};
 use crate::mesh;
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     refuse_grid_options(args)?;
+    args.disk.check_workdir(args.workdir.as_deref())?;
     let resources = args.machine.resources();
     let options = args.points.open_options(&resources)?;
     let Sifted { names, skipped } =
@@ -25,7 +28,12 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let job = CloudTinJob { options: args.many.reading(job.options.clone()), ..job };
     let progress = args.show.progress();
-    let made = cloud_tin::run(&job, progress.as_ref(), cancel)?;
+    let made = match &args.workdir {
+        None => cloud_tin::run(&job, progress.as_ref(), cancel)?,
+        Some(folder) => {
+            plan::run_in(folder, &job, &skipped, args.disk.check(), progress.as_ref(), cancel)?
+        }
+    };
     let checked = match args.verify {
         true => Some(verify_cloud(&proof(&job), progress.as_ref(), cancel)?),
         false => None,
@@ -55,8 +63,17 @@ fn job(args: &Args) -> Result<CloudTinJob> {
     let beside: Vec<String> = args.method.files().collect();
     let read = [files, args.points.files()?, beside].concat();
     check::not_among(&read, &[&args.output])?;
-    check::new_file(&args.output, args.overwrite)?;
-    check::report(args.report.as_deref(), &read, &[&args.output], args.overwrite)?;
+    // An output that exists may be the mesh of an earlier run there.
+    let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
+    check::new_file(&args.output, args.overwrite || goes_on)?;
+    let results: Vec<&Path> =
+        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
+    check::report(args.report.as_deref(), &read, &results, args.overwrite)?;
+    let placing = args.print.placing()?;
+    if let Some(option) = placing.given().filter(|_| args.workdir.is_some()) {
+        return Err(Error::usage(format!("{option} cannot be kept in a --workdir"))
+            .remedy(format!("leave one of --workdir and {option} out")));
+    }
     let resources = args.machine.resources();
     Ok(CloudTinJob {
         inputs: args.input.clone(),
@@ -64,7 +81,7 @@ fn job(args: &Args) -> Result<CloudTinJob> {
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
-        placing: args.print.placing()?,
+        placing,
         tolerance: args.goal.max_error()?,
         keep_points: args.method.keep_points.clone(),
         breaklines: args.method.breaklines.clone(),
@@ -76,26 +93,31 @@ fn job(args: &Args) -> Result<CloudTinJob> {
 /// Fails when an option was given that is about grids.
 fn refuse_grid_options(args: &Args) -> Result<()> {
     let others = [
-        ("--no-disk-check", args.disk.no_disk_check),
+        ("--split", args.split.tiles.is_some()),
         ("--method", args.textbook.method.is_some()),
-        ("--triangulation", args.method.triangulation.is_some()),
         ("--bands", args.bands.is_given()),
         ("--co", !args.co.is_empty()),
         ("--to-crs", args.system.is_given()),
         ("--base", args.print.placing()?.base.is_some()),
     ];
-    let of_both = ["--keep-points", "--breaklines"];
-    let engine = engine_options(args).into_iter().filter(|(option, _)| !of_both.contains(option));
-    let mut options = engine.chain(others);
+    refuse_options(&args.input[0], args.method.options_of_grids().chain(others), &args.grid)
+}
+
+/// Fails when one of these options was given, or one of those about grids, because `input` is a cloud.
+pub(crate) fn refuse_options(
+    input: &str,
+    mut options: impl Iterator<Item = (&'static str, bool)>,
+    grid: &Grid,
+) -> Result<()> {
     let given = options.find(|(_, given)| *given).map(|(option, _)| option);
-    let Some(option) = given.or(args.grid.given()) else { return Ok(()) };
+    let Some(option) = given.or(grid.given()) else { return Ok(()) };
     Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
-        .in_file(&path_of(&args.input[0]))
+        .in_file(&path_of(input))
         .remedy(format!("leave {option} out")))
 }
 
 /// A made mesh for people.
-fn summary(r: &CloudTinReport) -> String {
+pub(crate) fn summary(r: &CloudTinReport) -> String {
     let share = format!("{}, {} of the points", text::count(r.vertices), text::percent(r.kept));
     let mut rows = vec![
         ("points", points(r)),

@@ -7,6 +7,7 @@ mod textbook;
 mod told;
 
 pub(crate) use args::{Args, Method, Split};
+pub(crate) use cloud::{refuse_options, summary as cloud_summary};
 pub(crate) use grid::{proof, summary};
 pub(crate) use told::{Told, stages};
 

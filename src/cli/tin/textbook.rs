@@ -1,11 +1,10 @@
 //! Which method makes a mesh of a grid: the engine's own, or one of the textbooks.
 
-use crate::bound::Bound;
 use crate::cli::shared::lists::ENGINE;
-use crate::cli::tin::args::Args;
+use crate::cli::tin::args::{Args, Method};
 use crate::error::{Error, Result};
 use crate::jobs::tin::{Goal, Textbook, TinReport};
-use crate::methods::{METHODS, Method};
+use crate::methods::{self, METHODS};
 
 /// What was chosen.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -21,7 +20,7 @@ pub(crate) struct Chosen {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum By {
     Engine,
-    Textbook(&'static Method),
+    Textbook(&'static methods::Method),
 }
 
 fn parse_method(name: &str) -> std::result::Result<By, String> {
@@ -72,20 +71,15 @@ impl Chosen {
 }
 
 /// Options that the engine alone knows, and whether they were given.
-pub(super) fn engine_options(args: &Args) -> [(&'static str, bool); 11] {
-    [
+pub(super) fn engine_options(args: &Args) -> Vec<(&'static str, bool)> {
+    let Method { keep_points, breaklines, .. } = &args.method;
+    let all = [
         ("--workdir", args.workdir.is_some()),
         ("--split", args.split.tiles.is_some()),
-        ("--strict", args.method.strict),
-        ("--no-drop", args.method.no_drop),
-        ("--fit", args.method.fit),
-        ("--min-angle", args.method.min_angle.is_some()),
-        ("--keep-points", args.method.keep_points.is_some()),
-        ("--breaklines", args.method.breaklines.is_some()),
-        ("--water", args.method.water.is_some()),
-        ("--tile", args.method.tile.is_some()),
-        ("--bound surface", args.method.bound == Bound::Surface),
-    ]
+        ("--keep-points", keep_points.is_some()),
+        ("--breaklines", breaklines.is_some()),
+    ];
+    all.into_iter().chain(args.method.engine_options()).collect()
 }
 
 pub(super) fn unknown(option: &str, method: &str) -> Error {

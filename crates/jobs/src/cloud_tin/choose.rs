@@ -9,6 +9,7 @@
 //! Points to keep and the first posts of lines are vertices before any are chosen; further posts come in the same
 //! rounds, where edges do not follow a line.
 
+use std::ops::Range;
 use std::sync::Mutex;
 
 use super::Work;
@@ -22,18 +23,26 @@ use terrane_files::lock;
 use terrane_tin::scatter::{Fit, Mesh};
 
 /// The band of points around a region that its first choice looks at: the side of a square over this.
-const BAND: i32 = 4;
+pub(super) const BAND: i32 = 4;
 
 /// What a region found when it looked at the mesh.
 #[derive(Clone, Debug)]
-struct Look {
+pub(super) struct Look {
     /// Points and posts to become vertices.
-    open: Vec<Point>,
+    pub(super) open: Vec<Point>,
     /// Vertices from which no edge follows a line, and never will.
     apart: Vec<[i32; 2]>,
     /// The part of the plane in which a new vertex may change what was seen.
-    influence: Window,
-    errors: Errors,
+    pub(super) influence: Window,
+    pub(super) errors: Errors,
+}
+
+impl Look {
+    /// Of a region that found nothing to add, and has no lines.
+    pub(super) fn settled(influence: Window, points: u64) -> Self {
+        let errors = Errors { points, ..Errors::default() };
+        Self { open: Vec::new(), apart: Vec::new(), influence, errors }
+    }
 }
 
 /// Distances of points from the surface, in steps.
@@ -70,14 +79,17 @@ pub(super) fn choose(
     first_posts(work, &posts)?;
     match tolerance == 0.0 {
         true => take_all(work, &vertices)?,
-        false => first_choice(work, tolerance, hull, &posts, &vertices)?,
+        false => {
+            let all = 0..work.regions.all.len();
+            first_choice(work, all, (tolerance, hull), &posts, &vertices)?;
+        }
     }
     add_all(&posts, &vertices)?;
     drop(posts);
-    let (mut errors, mut apart) = settle(work, tolerance, hull, &vertices)?;
-    // It was rounded up, and all points are known to be within.
-    errors.most = errors.most.min(tolerance);
-    apart.sort_unstable();
+    let settling = Settling::new(work.regions.all.len());
+    let settled =
+        settling.run(&vertices, |due| look_at_all(work, &vertices, (tolerance, hull), due))?;
+    let (errors, apart) = settled.end(tolerance);
     Ok(Chosen { vertices, errors, apart })
 }
 
@@ -106,26 +118,29 @@ fn add_all(from: &PointStore, to: &PointStore) -> Result<()> {
     Ok(())
 }
 
-fn first_choice(
+/// Puts the vertices there that each of some regions chooses.
+pub(super) fn first_choice(
     work: &Work<'_>,
-    tolerance: f64,
-    hull: &[Point],
+    regions: Range<usize>,
+    (tolerance, hull): (f64, &[Point]),
     posts: &PointStore,
     vertices: &PointStore,
 ) -> Result<()> {
-    work.progress.begin("choose", work.regions.all.len() as u64);
+    let count = regions.len() as u64;
+    work.progress.begin("choose", count);
     let choose = |_: &mut (), number: u64| {
-        let chosen = choose_in(work, number as usize, tolerance, hull, posts)?;
+        let region = regions.start + number as usize;
+        let chosen = choose_in(work, region, tolerance, hull, posts)?;
         work.progress.advance(1);
         vertices.add(&chosen)
     };
-    work.on_all(work.regions.all.len() as u64, choose)?;
+    work.on_all(count, choose)?;
     work.progress.end();
     Ok(())
 }
 
 /// The vertices that a region chooses with the points around it, those of the hull among them.
-fn choose_in(
+pub(super) fn choose_in(
     work: &Work<'_>,
     number: usize,
     tolerance: f64,
@@ -167,45 +182,90 @@ fn contains(region: &Region, tiling: &Tiling, point: Point) -> bool {
     (0..2).all(|axis| region.low[axis] <= place[axis] && place[axis] < region.end[axis])
 }
 
-/// Adds vertices until every point is within the tolerance.
-fn settle(
-    work: &Work<'_>,
-    tolerance: f64,
-    hull: &[Point],
-    vertices: &PointStore,
-) -> Result<(Errors, Vec<[i32; 2]>)> {
-    let unseen = Look {
-        open: Vec::new(),
-        apart: Vec::new(),
-        influence: Window::ALL,
-        errors: Errors::default(),
-    };
-    let mut looks = vec![unseen; work.regions.all.len()];
-    let mut due: Vec<usize> = (0..looks.len()).collect();
-    while !due.is_empty() {
-        work.progress.begin("prove", due.len() as u64);
-        let found = Mutex::new(Vec::new());
-        let look = |_: &mut (), number: u64| {
-            let region = due[number as usize];
-            let look = look_at(work, vertices, tolerance, hull, region)?;
-            lock(&found).push((region, look));
-            work.progress.advance(1);
-            Ok(())
-        };
-        work.on_all(due.len() as u64, look)?;
-        work.progress.end();
-        let found = std::mem::take(&mut *lock(&found));
-        found.into_iter().for_each(|(region, look)| looks[region] = look);
-        let changes = Changes::of(&looks, vertices.tiling());
-        for look in &mut looks {
-            vertices.add(&std::mem::take(&mut look.open))?;
-        }
-        due = (0..looks.len())
-            .filter(|&i| changes.touch(looks[i].influence, vertices.tiling()))
-            .collect();
+/// Regions that look at the mesh until nothing is left to add.
+pub(super) struct Settling {
+    /// By region: what it found when it looked last.
+    looks: Vec<Look>,
+    /// Regions that have to look.
+    due: Vec<usize>,
+}
+
+impl Settling {
+    /// Nothing is looked at.
+    fn new(regions: usize) -> Self {
+        Self { looks: vec![Look::settled(Window::ALL, 0); regions], due: (0..regions).collect() }
     }
-    let errors = sum(&looks);
-    Ok((errors, looks.into_iter().flat_map(|look| look.apart).collect()))
+
+    /// After a round in which vertices were added in some squares.
+    pub(super) fn after(
+        looks: Vec<Look>,
+        changed: impl Iterator<Item = usize>,
+        tiling: &Tiling,
+    ) -> Self {
+        let due = due(&looks, changed, tiling);
+        Self { looks, due }
+    }
+
+    /// Adds vertices until every point is within the tolerance; `look` is what the regions that have to look find.
+    pub(super) fn run(
+        mut self,
+        vertices: &PointStore,
+        look: impl Fn(&[usize]) -> Result<Vec<(usize, Look)>>,
+    ) -> Result<Self> {
+        let tiling = vertices.tiling();
+        while !self.due.is_empty() {
+            let mut changed = Vec::new();
+            for (region, mut look) in look(&self.due)? {
+                let open = std::mem::take(&mut look.open);
+                changed.extend(open.iter().map(|point| tiling.square_of(*point)));
+                vertices.add(&open)?;
+                self.looks[region] = look;
+            }
+            self.due = due(&self.looks, changed.into_iter(), tiling);
+        }
+        Ok(self)
+    }
+
+    /// The errors of all, and the vertices on lines without an edge that goes on, in order.
+    pub(super) fn end(self, tolerance: f64) -> (Errors, Vec<[i32; 2]>) {
+        let mut errors = sum(&self.looks);
+        // It was rounded up, and all points are known to be within.
+        errors.most = errors.most.min(tolerance);
+        let mut apart: Vec<_> = self.looks.into_iter().flat_map(|look| look.apart).collect();
+        apart.sort_unstable();
+        (errors, apart)
+    }
+}
+
+/// The regions that see any of the squares that changed.
+pub(super) fn due(
+    looks: &[Look],
+    changed: impl Iterator<Item = usize>,
+    tiling: &Tiling,
+) -> Vec<usize> {
+    let changes = Changes::of(changed, tiling);
+    (0..looks.len()).filter(|&i| changes.touch(looks[i].influence, tiling)).collect()
+}
+
+/// What these regions find when they look at the mesh of all vertices.
+pub(super) fn look_at_all(
+    work: &Work<'_>,
+    vertices: &PointStore,
+    (tolerance, hull): (f64, &[Point]),
+    regions: &[usize],
+) -> Result<Vec<(usize, Look)>> {
+    work.progress.begin("prove", regions.len() as u64);
+    let found = Mutex::new(Vec::with_capacity(regions.len()));
+    let look = |_: &mut (), number: u64| {
+        let region = regions[number as usize];
+        let look = look_at(work, vertices, tolerance, hull, region)?;
+        lock(&found).push((region, look));
+        work.progress.advance(1);
+        Ok(())
+    };
+    work.on_all(regions.len() as u64, look)?;
+    work.progress.end();
+    Ok(std::mem::take(&mut *lock(&found)))
 }
 
 fn look_at(
@@ -248,13 +308,13 @@ struct Changes {
 }
 
 impl Changes {
-    fn of(looks: &[Look], tiling: &Tiling) -> Self {
+    fn of(changed: impl Iterator<Item = usize>, tiling: &Tiling) -> Self {
         let [cols, rows] = tiling.counts().map(|n| n as usize);
         let across = cols + 1;
         let mut sums = vec![0; across * (rows + 1)];
-        for point in looks.iter().flat_map(|look| &look.open) {
-            let [col, row] = tiling.place([point.x, point.y]);
-            sums[(row as usize + 1) * across + col as usize + 1] = 1;
+        for square in changed {
+            let (col, row) = (square % cols, square / cols);
+            sums[(row + 1) * across + col + 1] = 1;
         }
         for row in 1..=rows {
             for at in row * across + 1..(row + 1) * across {

@@ -20,6 +20,8 @@
 mod choose;
 mod keep;
 mod lines;
+pub mod plan;
+mod ready;
 mod region_mesh;
 mod regions;
 #[cfg(test)]
@@ -29,67 +31,33 @@ mod write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use self::choose::{Chosen, Errors, choose};
 use self::keep::{Nearest, nearest};
 use self::lines::Lines;
+use self::ready::Ready;
 use self::regions::Regions;
 use self::write::{Written, write};
-use crate::beside;
 use crate::breaklines::BreaklinesReport;
 use crate::figures::Figures;
 use crate::kept::{Features, KeptReport};
-use crate::memory::PROGRAM;
 use crate::on_cloud::OnCloud;
 use crate::placing::{Placed, Placing};
-use crate::points::{Filling, PointStore, Tiling};
+use crate::plan::At;
+use crate::points::PointStore;
 use crate::sift::Losses;
 use crate::tin::{FlawReport, StageReport, horizontal_unit, vertical_unit};
 use crate::{Cancel, Progress, Resources, peak_memory, workers};
-use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Frame, Point, Point3};
-use terrane_cloud::{self as cloud, Census, CloudInfo, OpenOptions, PointSource};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Frame, Point};
+use terrane_cloud::{self as cloud, Census, OpenOptions, PointSource};
 use terrane_delaunay::Hull;
 use terrane_files::atomic::{AtomicFile, refuse_existing};
-use terrane_files::{folder_for, path_of};
-use terrane_mesh::{
-    self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
-};
+use terrane_mesh::{self as mesh, MeshFormat, MeshSink, check_prj, write_prj};
 
 /// Most points of a region, unless a single square holds more.
 const REGION_POINTS: u64 = 1 << 17;
-/// How the memory is divided.
-struct Division {
-    /// Eighths for points that wait, for vertices that wait, and for the program and its workers.
-    points: u64,
-    vertices: u64,
-    workers: u64,
-    /// Bytes that a worker takes for each point of a region, its surroundings, its mesh and what of it
-    /// waits to be written included.
-    point_bytes: u64,
-}
-
-/// Where vertices are chosen among the points, and where every point is one: the mesh is larger then,
-/// and no vertices wait beside the points.
-const CHOSEN: Division = Division { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
-const ALL: Division = Division { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
-/// The same where lines have posts beside them.
-const ALL_AND_POSTS: Division = Division { points: 2, vertices: 2, workers: 4, point_bytes: 600 };
-
-impl Division {
-    fn of(tolerance: f64, kept: &OnCloud) -> &'static Self {
-        match (tolerance == 0.0, kept.has_lines()) {
-            (false, _) => &CHOSEN,
-            (true, false) => &ALL,
-            (true, true) => &ALL_AND_POSTS,
-        }
-    }
-}
-
-/// Fewest bytes for points and vertices that wait.
-const LEAST_SHARED: u64 = 8 << 20;
-
 /// A cloud-to-TIN job.
 #[derive(Clone, Debug)]
 pub struct CloudTinJob {
@@ -117,8 +85,41 @@ pub struct CloudTinJob {
     pub resources: Resources,
 }
 
+impl CloudTinJob {
+    /// A job without anything to keep.
+    pub fn new(inputs: Vec<String>, output: PathBuf, tolerance: f64, resources: Resources) -> Self {
+        Self {
+            inputs,
+            options: OpenOptions { threads: resources.threads, ..OpenOptions::default() },
+            output,
+            format: None,
+            overwrite: false,
+            placing: Placing::default(),
+            tolerance,
+            keep_points: None,
+            breaklines: None,
+            measure: false,
+            resources,
+        }
+    }
+
+    /// Fails for a tolerance that is none.
+    fn check(&self) -> Result<()> {
+        match self.tolerance >= 0.0 && self.tolerance.is_finite() {
+            true => Ok(()),
+            false => Err(Error::usage(format!("{} is no maximum error", self.tolerance))
+                .remedy("give a number of 0 or more, in the unit of the heights")),
+        }
+    }
+
+    /// What is written.
+    fn format(&self) -> Result<&'static MeshFormat> {
+        mesh::by_path(&self.output, self.format.as_deref())
+    }
+}
+
 /// What a cloud-to-TIN job did.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct CloudTinReport {
     pub input: String,
@@ -165,6 +166,16 @@ pub struct CloudTinReport {
 }
 
 impl CloudTinReport {
+    /// Adds what the whole cloud tells, and the time since the work was `started`.
+    fn of_source(&mut self, source: &dyn PointSource, losses: &Losses, started: Instant) {
+        self.files = source.files().len() as u64;
+        self.notes.extend_from_slice(source.notes());
+        self.notes.extend(losses.notes());
+        self.notes.extend(source.info().crs.lost_in_wkt());
+        self.run.wall_seconds = started.elapsed().as_secs_f64();
+        self.points_per_second = self.run.rate(self.points.read);
+    }
+
     /// What was asked for and is not so, in words.
     pub fn unmet(&self) -> Option<String> {
         let FlawReport { count, first } = self.apart?;
@@ -176,6 +187,7 @@ impl CloudTinReport {
 }
 
 /// What every stage works with.
+#[derive(Clone, Copy)]
 pub(super) struct Work<'a> {
     points: &'a PointStore,
     regions: &'a Regions,
@@ -204,24 +216,16 @@ impl Work<'_> {
 /// does not suffice; `Interrupted`.
 pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<CloudTinReport> {
     let started = Instant::now();
-    if !(job.tolerance >= 0.0 && job.tolerance.is_finite()) {
-        return Err(Error::usage(format!("{} is no maximum error", job.tolerance))
-            .remedy("give a number of 0 or more, in the unit of the heights"));
-    }
+    job.check()?;
     refuse_existing(&job.output, job.overwrite)?;
-    let format = mesh::by_path(&job.output, job.format.as_deref())?;
+    let format = job.format()?;
     let source = cloud::source(&job.inputs, &job.options)?;
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let features = Features::read_for_cloud(points, lines, &job.resources)?;
-    let mut report = make(job, &*source, features, format, progress, cancel)?;
-    report.files = source.files().len() as u64;
-    report.notes.extend_from_slice(source.notes());
-    report.notes.extend(Losses::of(&*source).notes());
-    report.notes.extend(source.info().crs.lost_in_wkt());
-    report.run.wall_seconds = started.elapsed().as_secs_f64();
-    report.points_per_second = report.run.rate(report.points.read);
+    let mut report = make(job, &*source, features, format, At { progress, cancel })?;
+    report.of_source(&*source, &Losses::of(&*source), started);
     Ok(report)
 }
 
@@ -231,76 +235,37 @@ pub(super) fn make(
     source: &dyn PointSource,
     features: Features,
     format: &'static MeshFormat,
-    progress: &dyn Progress,
-    cancel: &Cancel,
+    at: At<'_>,
 ) -> Result<CloudTinReport> {
-    let info = source.info();
-    let bounds = info.bounds.ok_or_else(no_surface)?;
-    let kept = features.on_cloud(info, bounds)?;
-    let mut header = header(job, info, kept.and_heights(bounds), format)?;
-    let (placed, notes) =
-        job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
-    header.scale = placed.scale;
-    header.unit.clone_from(&placed.unit);
-    header.origin = placed.origin(header.origin, header.bounds);
-    let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };
-    let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
-    let sink = || (format.create)(&job.output, &header, &options);
-    let memory = job.resources.memory.saturating_sub(kept.bytes());
-    let division = Division::of(job.tolerance, &kept);
-    let mut clock = Clock::default();
-    let folder = folder_for(&job.output, job.resources.temp_dir.as_deref());
-    let filling = Filling {
-        threads: job.resources.threads.max(1),
-        memory: memory / 8 * division.points,
-        folder,
-        within: None,
-        progress,
-        cancel,
-    };
-    let points = PointStore::fill(source, Tiling::new(bounds, info.count), &filling)?;
+    let ready = Ready::new((job, &job.inputs.join(" ")), source.info(), features, format)?;
+    let (kept, mut clock) = (&ready.kept, Clock::default());
+    let points = PointStore::fill(source, ready.tiling(), &ready.filling(at))?;
     clock.lap("read", points.census().read);
     let hull = points.hull()?;
     if hull.is_flat() {
         return Err(no_surface());
     }
-    let mut lines = Lines::new(&kept, hull.clone(), points.tiling());
+    let mut lines = Lines::new(kept, hull.clone(), points.tiling());
     let followed = kept.followed(|line| lines.is_outside(line), 0)?;
     let regions = Regions::new(&points, &lines.by_square(points.tiling()), REGION_POINTS);
     lines.divide(&regions, points.tiling());
-    let nearest = nearest_points(&kept, &points, &hull, bounds)?;
+    let nearest = nearest_points(kept, &points, &hull, ready.bounds)?;
     let count = nearest.points.len() as u64;
     let kept_points = kept.kept(nearest.beyond, count, count)?;
     let held = kept.bytes() + lines.bytes();
-    let threads = threads(job, division, regions.most_points(), lines.most_bytes(), held)?;
-    let vertex_bytes = job.resources.memory.saturating_sub(held) / 8 * division.vertices;
-    let measure = job.measure;
-    let work = Work {
-        points: &points,
-        regions: &regions,
-        lines: &lines,
-        threads,
-        vertex_bytes,
-        measure,
-        folder,
-        progress,
-        cancel,
-    };
-    let tolerance = in_steps(job.tolerance, info.frame.scale[2]);
+    let work = ready.work((&points, &regions, &lines), held, at)?;
     let made = triangulate(
         &work,
-        tolerance,
+        ready.tolerance(),
         (&hull.corners(), &nearest.points),
-        &info.frame,
-        sink,
+        &ready.info.frame,
+        || ready.sink(),
         &mut clock,
     )?;
-    let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
-    let report = report(job, info, &work, &made, format, prj, clock);
     let apart = made.apart.len() as u64;
     let breaklines = followed.map(|followed| BreaklinesReport { apart, ..followed });
-    let placed = Some(placed).filter(Placed::is_local);
-    Ok(CloudTinReport { placed, notes, keep_points: kept_points, breaklines, ..report })
+    let report = report(&ready, &work, *points.census(), &made, clock)?;
+    Ok(CloudTinReport { keep_points: kept_points, breaklines, ..report })
 }
 
 /// The points nearest to those that are to be kept.
@@ -315,13 +280,6 @@ fn nearest_points(
     };
     let positions: Vec<[i32; 2]> = kept.points.iter().map(place).collect();
     nearest(points, hull, &positions)
-}
-
-/// A tolerance in steps. What is a whole number of steps but for rounding is meant to be whole.
-fn in_steps(tolerance: f64, step: f64) -> f64 {
-    let steps = tolerance / step;
-    let whole = steps.round();
-    if (steps - whole).abs() <= whole * 1e-12 { whole } else { steps }
 }
 
 /// What came of the work.
@@ -358,76 +316,9 @@ fn triangulate(
     Ok(Made { written, errors, stacked: kept - errors.points, spilled, apart })
 }
 
-/// Workers that fit in what the points leave of the memory, of which so many bytes are held all the while.
-fn threads(
-    job: &CloudTinJob,
-    division: &Division,
-    most_points: u64,
-    most_lines: u64,
-    held: u64,
-) -> Result<usize> {
-    let Division { points, workers, point_bytes, .. } = division;
-    let worker = (most_points * point_bytes + most_lines).max(1);
-    let eighth = job.resources.memory.saturating_sub(held) / 8;
-    let fitting = (eighth * workers).saturating_sub(PROGRAM) / worker;
-    if fitting == 0 || eighth * points < LEAST_SHARED {
-        let eighth = (worker + PROGRAM).div_ceil(*workers).max(LEAST_SHARED.div_ceil(*points));
-        let needed = (8 * eighth + held).div_ceil(1 << 20);
-        let message = format!("at least {needed} MiB of memory are needed");
-        return Err(Error::new(ErrorKind::Resource, message)
-            .remedy(format!("pass --memory {needed}M or more")));
-    }
-    Ok(job.resources.threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX)))
-}
-
 fn no_surface() -> Error {
     Error::bad_input("the points have no surface: fewer than three, or all on a line")
         .remedy("look at the filters, or at the files with `terrane info`")
-}
-
-fn header(
-    job: &CloudTinJob,
-    info: &CloudInfo,
-    bounds: [Point; 2],
-    format: &MeshFormat,
-) -> Result<MeshHeader> {
-    let [low, high] = bounds;
-    let middle = |a: i32, b: i32| i32::midpoint(a, b);
-    let centre = Point::new(middle(low.x, high.x), middle(low.y, high.y), middle(low.z, high.z));
-    if format.single_precision {
-        check_single(bounds, centre, format)?;
-    }
-    let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
-    let mut comments = vec![
-        format!("source {}", job.inputs.join(" ")),
-        format!("max error {}{unit}", job.tolerance),
-    ];
-    let beside = [("keep points", &job.keep_points), ("breaklines", &job.breaklines)];
-    comments.extend(beside.into_iter().filter_map(|(what, name)| {
-        Some(format!("{what} {}", beside::label(&path_of(name.as_deref()?))))
-    }));
-    let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
-    let (crs, origin) = (info.crs.clone(), info.frame.world(centre));
-    Ok(MeshHeader {
-        crs,
-        origin,
-        scale: [1.0; 3],
-        unit: None,
-        bounds,
-        comments,
-        channels: Vec::new(),
-    })
-}
-
-/// Fails where f32 does not tell one step from the next.
-fn check_single(bounds: [Point; 2], centre: Point, format: &MeshFormat) -> Result<()> {
-    let far = |a: i32, b: i32| a.abs_diff(b) >= 1 << 23;
-    let is_far = |p: Point| far(p.x, centre.x) || far(p.y, centre.y) || far(p.z, centre.z);
-    if !bounds.into_iter().any(is_far) {
-        return Ok(());
-    }
-    let message = format!("{} stores f32, which does not hold a cloud of this extent", format.name);
-    Err(Error::usage(message).remedy("write PLY or OBJ, or a part of the cloud with --bounds"))
 }
 
 /// Times of the stages.
@@ -453,20 +344,19 @@ impl Clock {
 }
 
 fn report(
-    job: &CloudTinJob,
-    info: &CloudInfo,
+    ready: &Ready<'_>,
     work: &Work<'_>,
+    points: Census,
     made: &Made,
-    format: &MeshFormat,
-    prj: Option<PathBuf>,
     clock: Clock,
-) -> CloudTinReport {
+) -> Result<CloudTinReport> {
+    let Ready { job, info, format, .. } = ready;
     let Made { written, errors, .. } = made;
+    let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
     let step = info.frame.scale[2];
-    let measured = |steps: f64| job.measure.then_some(steps * step);
-    let census = *work.points.census();
-    CloudTinReport {
-        input: job.inputs.join(" "),
+    let measured = |steps: f64| work.measure.then_some(steps * step);
+    Ok(CloudTinReport {
+        input: ready.label.clone(),
         output: job.output.display().to_string(),
         format: format.name.to_owned(),
         crs: info.crs.label(),
@@ -475,13 +365,14 @@ fn report(
         tolerance: job.tolerance,
         max_error: measured(errors.most),
         rmse: measured((errors.squares / errors.points.max(1) as f64).sqrt()),
-        points: census,
+        points,
         stacked_points: made.stacked,
         vertices: written.vertices,
         triangles: written.triangles,
-        kept: written.vertices as f64 / census.kept.max(1) as f64,
+        kept: written.vertices as f64 / points.kept.max(1) as f64,
         output_bytes: written.bytes,
         prj: prj.map(|path| path.display().to_string()),
+        placed: Some(ready.placed.clone()).filter(Placed::is_local),
         regions: work.regions.all.len() as u64,
         run: Figures {
             threads: work.threads,
@@ -495,6 +386,7 @@ fn report(
             let [x, y, _] = info.frame.world(Point::new(x, y, 0));
             FlawReport { count: made.apart.len() as u64, first: Some([x, y]) }
         }),
+        notes: ready.notes.clone(),
         ..CloudTinReport::default()
-    }
+    })
 }

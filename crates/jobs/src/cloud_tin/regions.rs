@@ -1,10 +1,12 @@
 //! Squares of points gathered into regions of about equal work.
 
+use serde::{Deserialize, Serialize};
+
 use crate::points::{PointStore, Tiling};
 use terrane_delaunay::Window;
 
 /// A block of squares that is worked on by itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Region {
     /// First column and row of squares.
     pub(super) low: [u32; 2],
@@ -43,7 +45,7 @@ impl Regions {
     pub(super) fn new(store: &PointStore, lines: &[u32], most: u64) -> Self {
         let counts = store.tiling().counts();
         let side = counts[0].max(counts[1]).next_power_of_two();
-        let mut regions = Self { all: Vec::new(), of: vec![u32::MAX; store.tiling().count()] };
+        let mut regions = Self::known(&[], store.tiling());
         let mut blocks = vec![([0; 2], side)];
         while let Some((low, side)) = blocks.pop() {
             let end = [0, 1].map(|axis| (low[axis] + side).min(counts[axis]));
@@ -60,6 +62,13 @@ impl Regions {
                 regions.push(region, store.tiling());
             }
         }
+        regions
+    }
+
+    /// Those that were found before.
+    pub(super) fn known(all: &[Region], tiling: &Tiling) -> Self {
+        let mut regions = Self { all: Vec::new(), of: vec![u32::MAX; tiling.count()] };
+        all.iter().for_each(|region| regions.push(*region, tiling));
         regions
     }
 

@@ -2,10 +2,14 @@
 
 mod lines;
 
+use super::ready::in_steps;
 use super::*;
 use crate::Silent;
 use crate::few::Few;
+use crate::points::{Filling, Tiling};
 use std::sync::{Arc, Mutex};
+use terrane_base::error::ErrorKind;
+use terrane_base::geom::Point3;
 use terrane_mesh::MeshBatch;
 use terrane_tin::scatter::{Fit, Mesh};
 
@@ -225,22 +229,11 @@ fn few_points_and_lines_have_no_surface() {
     for points in [vec![Point::new(1, 1, 1)], line] {
         let source = source(points, 50);
         let folder = tempfile::tempdir().unwrap();
-        let job = CloudTinJob {
-            inputs: vec![],
-            options: OpenOptions::default(),
-            output: folder.path().join("a.ply"),
-            format: None,
-            overwrite: false,
-            placing: Default::default(),
-            tolerance: 1.0,
-            keep_points: None,
-            breaklines: None,
-            measure: false,
-            resources: Resources::default(),
-        };
+        let output = folder.path().join("a.ply");
+        let job = CloudTinJob::new(vec![], output, 1.0, Resources::default());
         let format = mesh::by_path(&job.output, None).unwrap();
-        let error = make(&job, &source, Features::default(), format, &Silent, &Cancel::default())
-            .unwrap_err();
+        let at = At { progress: &Silent, cancel: &Cancel::default() };
+        let error = make(&job, &source, Features::default(), format, at).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         assert!(!job.output.exists());
     }

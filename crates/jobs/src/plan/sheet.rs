@@ -27,6 +27,8 @@ const MOST_BYTES: u64 = 1 << 30;
 pub enum Kind {
     /// A mesh ([`tin`](crate::tin)).
     Tin,
+    /// A mesh of a cloud ([`cloud_tin::plan`](crate::cloud_tin::plan)).
+    Cloud,
     /// A grid ([`grid::plan`](crate::grid::plan)).
     Grid,
     /// Tiles of the globe ([`tiles`](crate::tiles)).
@@ -79,7 +81,7 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
         return Err(Error::bad_input("holds no plan").in_file(folder).remedy(
-            "make one: terrane plan tin GRID..., plan tiles GRID..., plan grid CLOUD... or plan points CLOUD..., -o FOLDER",
+            "make one: terrane plan tin GRID... or CLOUD..., plan tiles GRID..., plan grid CLOUD... or plan points CLOUD..., -o FOLDER",
         ));
     }
     let fail = |e| Error::read(&path, e);

@@ -9,6 +9,7 @@
 mod around;
 mod interpolated;
 mod limits;
+mod shelf;
 mod tiling;
 
 use std::path::Path;
@@ -17,6 +18,7 @@ use std::sync::Mutex;
 pub(crate) use around::Around;
 pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Surface, reach};
 pub(crate) use limits::{Limits, parts_in};
+pub(crate) use shelf::{ENTRY, POINT, ShelfWriter, Shelves};
 pub(crate) use tiling::Tiling;
 
 use crate::sift::Losses;
@@ -55,6 +57,12 @@ impl Summary {
             self.lowest = self.lowest.min(point);
         }
     }
+
+    fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.window = self.window.union(&other.window);
+        self.lowest = self.lowest.min(other.lowest);
+    }
 }
 
 /// The points of a cloud by square.
@@ -62,6 +70,10 @@ impl Summary {
 pub(crate) struct PointStore {
     tiling: Tiling,
     points: Buckets<Point>,
+    /// What lies in files beside them.
+    shelves: Shelves,
+    /// Squares whose points are kept, where these are not all.
+    wanted: Option<Vec<bool>>,
     summaries: Vec<Mutex<Summary>>,
     census: Census,
     losses: Losses,
@@ -135,6 +147,8 @@ impl PointStore {
         Self {
             tiling,
             points,
+            shelves: Shelves::default(),
+            wanted: None,
             summaries,
             census: Census::default(),
             losses: Losses::default(),
@@ -146,6 +160,21 @@ impl PointStore {
     /// The same store, which will hold only the points within `limits`, if there are any.
     pub(crate) fn limited(self, limits: Option<Limits>) -> Self {
         Self { limits, ..self }
+    }
+
+    /// The same store with the points of files, too.
+    pub(crate) fn over(self, shelves: Shelves) -> Self {
+        for (square, summary) in shelves.squares() {
+            lock(&self.summaries[square]).merge(&summary);
+        }
+        Self { shelves, ..self }
+    }
+
+    /// The same store, which will keep only points of these squares.
+    pub(crate) fn only(self, squares: impl Iterator<Item = usize>) -> Self {
+        let mut wanted = vec![false; self.tiling.count()];
+        squares.for_each(|square| wanted[square] = true);
+        Self { wanted: Some(wanted), ..self }
     }
 
     /// True once an answer needed points that it does not hold.
@@ -190,6 +219,9 @@ impl PointStore {
         }
         for run in points.chunk_by(|a, b| self.tiling.square_of(*a) == self.tiling.square_of(*b)) {
             let square = self.tiling.square_of(run[0]);
+            if self.wanted.as_ref().is_some_and(|wanted| !wanted[square]) {
+                continue;
+            }
             lock(&self.summaries[square]).add(run);
             if self.outline.is_none() {
                 self.points.push(square, run)?;
@@ -222,13 +254,14 @@ impl PointStore {
     /// The points of a square, in canonical order, in place of what `out` held.
     pub(crate) fn load(&self, square: usize, out: &mut Vec<Point>) -> Result<()> {
         out.clear();
-        self.points.read(square, |run| out.extend_from_slice(run))?;
+        self.visit(square, |run| out.extend_from_slice(run))?;
         out.sort_unstable();
         Ok(())
     }
 
     /// Hands out the points of a square, a run at a time, in an order that means nothing.
-    pub(crate) fn visit(&self, square: usize, each: impl FnMut(&[Point])) -> Result<()> {
+    pub(crate) fn visit(&self, square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
+        self.shelves.read(square, &mut each)?;
         self.points.read(square, each)
     }
 

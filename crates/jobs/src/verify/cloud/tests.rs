@@ -9,6 +9,7 @@ use crate::Silent;
 use crate::cloud_tin::{self, CloudTinJob};
 use crate::few::Few;
 use crate::figures::Figures;
+use crate::plan::At;
 use terrane_base::geom::{Frame, Point3};
 use terrane_mesh::{self as mesh, MeshInfo};
 
@@ -71,7 +72,8 @@ fn made_with(
         resources: resources(2, 1 << 30, folder),
     };
     let format = mesh::by_path(&job.output, None).unwrap();
-    cloud_tin::make(&job, cloud, features, format, &Silent, &Cancel::default()).unwrap();
+    let at = At { progress: &Silent, cancel: &Cancel::default() };
+    cloud_tin::make(&job, cloud, features, format, at).unwrap();
     mesh::open(&job.output).unwrap()
 }
 

@@ -1,0 +1,143 @@
+//! Meshes of clouds by plan: blocks of regions choose vertices, look at the mesh of all of them, and look again where
+//! that has changed; the last task settles what is left and writes the mesh. It is that of a single run, byte for byte.
+//!
+//! ```text
+//! choose-0 ─┐         ┌─ prove-0 ─┐         ┌─ again-0 ─┐
+//! choose-1 ─┼─ all ───┼─ prove-1 ─┼─ all ───┼─ again-1 ─┼─ finish
+//! choose-2 ─┘         └─ prove-2 ─┘         └─ again-2 ─┘
+//! ```
+//!
+//! The points are looked at once when the plan is made: regions follow from how many lie where, and the hull of all
+//! closes the mesh of each. **Why rounds wait for all that is before them:** a circle may reach over the whole cloud, so
+//! only the mesh of all vertices tells what a region sees. A task reads the vertices of the few squares that it comes to.
+//! **Why two rounds are tasks:** in the first all regions look, in the second nearly all; a third has few left, and
+//! those read once more what lies in them.
+
+mod mesh;
+mod needs;
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{CloudTinJob, CloudTinReport};
+use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport};
+use crate::sift::Skipped;
+use crate::{Cancel, Progress};
+use mesh::{CloudMesh, Opened};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::refuse_held;
+
+/// A mesh of a cloud to plan; a task has so many points at the most (`cut`).
+pub type PlanCloudTinJob = plan::PlanJob<CloudTinJob>;
+/// Work on the plan of a mesh of a cloud.
+pub type RunCloudTinJob = plan::RunJob<()>;
+/// The plan of a mesh of a cloud, or how far the work on it has come.
+pub type CloudTinStatus = StatusReport<PointStatus>;
+/// What a run of the plan of a mesh of a cloud did.
+pub type CloudTinRun = plan::RunReport<PointRun>;
+
+/// What is told of the plan of a mesh of a cloud alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct PointStatus {
+    pub max_error: f64,
+    /// Points of which the mesh is made.
+    pub points: u64,
+    pub regions: u64,
+}
+
+/// What is told of a run on a mesh of a cloud alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct PointRun {
+    /// Vertices that the tasks of this run chose.
+    pub vertices: u64,
+    /// The mesh, if this run came to it; its time is that of writing it.
+    pub mesh: Option<CloudTinReport>,
+}
+
+/// Writes down what is to be made, from what, by which tasks, and what they need. The points are looked at once, and a
+/// few regions choose their vertices to tell the size of the result.
+///
+/// # Errors
+/// Those of [`run`](super::run) that are found before the work; `Usage` for points to keep and breaklines, and for a
+/// folder that holds another plan or other files.
+pub fn plan_cloud_tin(
+    job: &PlanCloudTinJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudTinStatus> {
+    let plan::PlanJob { job, folder, cut, skipped } = job;
+    let at = At { progress, cancel };
+    refuse_held(&job.inputs)?;
+    refuse_lines(job)?;
+    job.check()?;
+    let opened = Opened::new(job.clone(), job.inputs.join(" "))?;
+    let mesh = CloudMesh::new(&opened, *cut, at)?;
+    let needs = needs::expect(&opened, &mesh, at)?;
+    let files = mesh.files(&opened);
+    Plan::new(mesh, files, needs, skipped)?.put(folder)?;
+    cloud_tin_status(folder)
+}
+
+/// Fails for what the whole cloud has to be there for.
+fn refuse_lines(job: &CloudTinJob) -> Result<()> {
+    let options = [("--keep-points", &job.keep_points), ("--breaklines", &job.breaklines)];
+    match options.into_iter().find(|(_, file)| file.is_some()) {
+        None => Ok(()),
+        Some((option, _)) => Err(Error::usage(format!(
+            "{option} cannot act in the plan of a cloud's mesh: the nearest point may be however far away"
+        ))
+        .remedy(format!("leave {option} out, or run terrane tin without a plan"))),
+    }
+}
+
+/// How far the work in `folder` has come; results are looked at, not read through.
+///
+/// # Errors
+/// A folder without the plan of a mesh of a cloud.
+pub fn cloud_tin_status(folder: &Path) -> Result<CloudTinStatus> {
+    plan::status::<CloudMesh>(folder)
+}
+
+/// Works on the plan of a mesh of a cloud, which is that of [`run`](super::run) on the same request, byte for byte,
+/// whoever did which task how often.
+///
+/// # Errors
+/// Those of [`run`](super::run), and of any [`RunCloudTinJob`].
+pub fn run_cloud_tin(
+    job: &RunCloudTinJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudTinRun> {
+    plan::run::<CloudMesh>(job, progress, cancel)
+}
+
+/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
+/// `skipped` are files that are left out of the input, to be noted in the plan.
+///
+/// # Errors
+/// Those of [`plan_cloud_tin`] and [`run_cloud_tin`].
+pub fn run_in(
+    folder: &Path,
+    job: &CloudTinJob,
+    skipped: &[Skipped],
+    disk: DiskCheck,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudTinReport> {
+    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    if !folder.join(PLAN).exists() {
+        terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    }
+    plan_cloud_tin(&PlanCloudTinJob::all(job, folder, skipped), progress, cancel)?;
+    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
+    let run = run_cloud_tin(&RunCloudTinJob::until(to, job.overwrite, (), with), progress, cancel)?;
+    let lost = || Error::new(ErrorKind::Internal, "a run ended without its mesh");
+    let mut mesh = run.of.mesh.ok_or_else(lost)?;
+    mesh.run.wall_seconds = run.wall_seconds;
+    mesh.run.peak_memory = run.peak_memory;
+    mesh.run.spilled_bytes = mesh.run.spilled_bytes.map(|bytes| bytes + run.spilled_bytes);
+    mesh.points_per_second = mesh.run.rate(mesh.points.read);
+    Ok(mesh)
+}
