@@ -56,8 +56,8 @@ pub struct PointRun {
     pub mesh: Option<CloudTinReport>,
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need. The points are looked at once, and a
-/// few regions choose their vertices to tell the size of the result.
+/// Writes down what is to be made, from what, by which tasks, and what they need. The points are looked at once, and
+/// a few squares choose vertices to tell the size of the result.
 ///
 /// # Errors
 /// Those of [`run`](super::run) that are found before the work; `Usage` for points to keep and breaklines, and for a
@@ -73,8 +73,8 @@ pub fn plan_cloud_tin(
     refuse_lines(job)?;
     job.check()?;
     let opened = Opened::new(job.clone(), job.inputs.join(" "))?;
-    let mesh = CloudMesh::new(&opened, *cut, at)?;
-    let needs = needs::expect(&opened, &mesh, at)?;
+    let (mesh, share) = CloudMesh::new(&opened, *cut, at)?;
+    let needs = needs::expect(&opened, &mesh, share)?;
     let files = mesh.files(&opened);
     Plan::new(mesh, files, needs, skipped)?.put(folder)?;
     cloud_tin_status(folder)
