@@ -4,7 +4,7 @@ use crate::cli_support::{Place, json};
 use serde_json::Value;
 
 /// Several regions, with voids, and points above others.
-const CLOUD: &str = "cloud,size=700,density=0.8,seed=3,voids=3";
+const CLOUD: &str = "cloud,size=1000,density=1,seed=5,voids=6";
 
 fn place() -> Place {
     let place = Place::new();
@@ -24,7 +24,7 @@ fn the_mesh_is_that_of_one_run_whatever_the_tasks() {
     let place = place();
     for how in [
         &["--max-error", "0.3"][..],
-        &["--max-error", "4", "--class", "2"],
+        &["--max-error", "0.1", "--class", "2"],
         &["--max-error", "0.5", "--return", "first", "--format", "OBJ"],
         &["--max-error", "0", "--every", "2"],
     ] {

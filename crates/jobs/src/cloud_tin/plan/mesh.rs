@@ -17,7 +17,7 @@ use crate::cloud_tin::lines::Lines;
 use crate::cloud_tin::ready::Ready;
 use crate::cloud_tin::regions::{Region, Regions};
 use crate::cloud_tin::write::write;
-use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, REGION_POINTS, no_surface};
+use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
 use crate::kept::Features;
 use crate::plan::{
     self, At, Digest, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
@@ -154,8 +154,12 @@ impl Found {
 impl CloudMesh {
     /// That of an opened job; tasks have `cut` points at the most, but for single regions, or as many as make a fair
     /// piece of work. The points are looked at once.
-    /// Returns it with the share of the points that will be vertices, about.
-    pub(super) fn new(opened: &Opened, cut: Option<u32>, at: At<'_>) -> Result<(Self, f64)> {
+    /// Regions have `most` points at the most. Returns it with the share of the points that will be vertices, about.
+    pub(super) fn new(
+        opened: &Opened,
+        (cut, most): (Option<u32>, u64),
+        at: At<'_>,
+    ) -> Result<(Self, f64)> {
         let Opened { job, source, label } = opened;
         let (ready, cloud) = (opened.ready()?, Found::of(source.info())?);
         let empty = PointStore::empty(ready.tiling(), ready.folder(), 0).outline();
@@ -167,9 +171,8 @@ impl CloudMesh {
             return Err(no_surface());
         }
         let fair = TASK_POINTS.max(2 * source.info().count / MOST_PARTS);
-        let most = cut.map_or(fair, u64::from).max(REGION_POINTS);
-        let regions = Regions::new(&points, &[], REGION_POINTS).all;
-        let blocks = Regions::new(&points, &[], most).all;
+        let regions = Regions::new(&points, &[], most).all;
+        let blocks = Regions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
         let census = *points.census();
         let seen = Whole {
             census,

@@ -20,7 +20,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{CloudTinJob, CloudTinReport};
+use super::{CloudTinJob, CloudTinReport, REGION_POINTS};
 use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
@@ -67,13 +67,17 @@ pub fn plan_cloud_tin(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudTinStatus> {
+    plan_regions(job, REGION_POINTS, At { progress, cancel })
+}
+
+/// The same in regions of so many points at the most.
+pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Result<CloudTinStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    let at = At { progress, cancel };
     refuse_held(&job.inputs)?;
     refuse_lines(job)?;
     job.check()?;
     let opened = Opened::new(job.clone(), job.inputs.join(" "))?;
-    let (mesh, share) = CloudMesh::new(&opened, *cut, at)?;
+    let (mesh, share) = CloudMesh::new(&opened, (*cut, most), at)?;
     let needs = needs::expect(&opened, &mesh, share)?;
     let files = mesh.files(&opened);
     Plan::new(mesh, files, needs, skipped)?.put(folder)?;
