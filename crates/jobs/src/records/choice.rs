@@ -96,6 +96,13 @@ impl<'a> Chosen<'a> {
         Self { records, record, kept, firsts, all }
     }
 
+    /// The places in a unit of those of its records that are kept.
+    pub(crate) fn kept_in(&self, unit: usize) -> impl Iterator<Item = u64> + '_ {
+        let first = self.firsts[unit];
+        let end = self.firsts.get(unit + 1).copied().unwrap_or(self.all);
+        self.kept.within(first as usize..end as usize).map(move |number| number as u64 - first)
+    }
+
     /// How many are left out.
     pub(crate) fn left_out(&self) -> u64 {
         let kept: u64 = self.kept.words().iter().map(|word| u64::from(word.count_ones())).sum();

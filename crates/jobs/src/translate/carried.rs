@@ -2,6 +2,7 @@
 
 use std::sync::Mutex;
 
+use super::noise::{Marks, Noted};
 use crate::FileAt;
 use crate::points::parts_in;
 use crate::records::choice::place;
@@ -18,6 +19,8 @@ pub(super) struct CarriedRecords<'a> {
     /// The parts that are read, and where points of them are wanted, if not everywhere.
     parts: Vec<usize>,
     within: Option<Window>,
+    /// Those that are noise, where that is known.
+    noise: Option<&'a Noted>,
     /// Of each part that was read.
     census: Mutex<Vec<Census>>,
 }
@@ -36,7 +39,12 @@ impl<'a> CarriedRecords<'a> {
         let all = || (0..cloud.parts()).collect();
         let parts: Vec<_> = within.map_or_else(all, |window| parts_in(cloud, &window));
         let census = Mutex::new(vec![Census::default(); parts.len()]);
-        Self { cloud, carrier, parts, within, census }
+        Self { cloud, carrier, parts, within, noise: None, census }
+    }
+
+    /// The same, with the class of noise for those noted.
+    pub(super) fn with(self, noise: Option<&'a Noted>) -> Self {
+        Self { noise, ..self }
     }
 
     /// Points of all parts that are read, at most.
@@ -45,9 +53,29 @@ impl<'a> CarriedRecords<'a> {
     }
 
     /// Whether a record lies where points are wanted.
-    fn is_in(&self, record: &[u8], window: &Window) -> bool {
+    fn is_in(&self, record: &[u8]) -> bool {
         let (at, by) = (place(record), self.carrier.shift());
-        window.contains([at.x.wrapping_sub(by[0]), at.y.wrapping_sub(by[1])])
+        let steps = [at.x.wrapping_sub(by[0]), at.y.wrapping_sub(by[1])];
+        self.within.is_none_or(|window| window.contains(steps))
+    }
+
+    /// Hands on the records of a part that are wanted, with their classes.
+    fn read_some(&self, part: usize, take: &mut Take<'_>) -> Result<Census> {
+        let (format, size) = (self.carrier.format(), self.carrier.size());
+        let mut marks = self.noise.map(|noise| noise.marks(part));
+        let mut some = Vec::new();
+        self.carrier.read(part, &mut |bytes| {
+            some.clear();
+            for record in bytes.chunks_exact(size) {
+                let class = marks.as_mut().and_then(Marks::take);
+                if self.is_in(record) {
+                    let first = some.len();
+                    some.extend_from_slice(record);
+                    class.into_iter().for_each(|class| format.set_class(&mut some[first..], class));
+                }
+            }
+            take(&some)
+        })
     }
 
     /// The cloud that they are of.
@@ -74,19 +102,10 @@ impl Records for CarriedRecords<'_> {
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (part, size) = (self.parts[unit], self.carrier.size());
-        let census = match &self.within {
-            None => self.carrier.read(part, take)?,
-            Some(window) => {
-                let mut near = Vec::new();
-                self.carrier.read(part, &mut |bytes| {
-                    near.clear();
-                    let all = bytes.chunks_exact(size);
-                    all.filter(|record| self.is_in(record, window))
-                        .for_each(|record| near.extend_from_slice(record));
-                    take(&near)
-                })?
-            }
+        let part = self.parts[unit];
+        let census = match self.within.is_none() && self.noise.is_none() {
+            true => self.carrier.read(part, take)?,
+            false => self.read_some(part, take)?,
         };
         lock(&self.census)[unit] = census;
         Ok(())

@@ -23,6 +23,7 @@ mod shares;
 mod sorted;
 mod squares;
 mod thin;
+mod wide;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -32,7 +33,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::figures::Figures;
-use crate::grid::preset::{Metres, around};
 use crate::input::workers;
 use crate::plan::At;
 use crate::records::choice::{Choice, Chosen, needed};
@@ -59,10 +59,10 @@ use terrane_cloud::write::{CloudWriter, Packing, WriteOptions, packing_by_name};
 use terrane_cloud::{
     Carrier, Census, Cloud, CloudInfo, Filter, OpenOptions, PointFormat, PointSource,
 };
-use terrane_delaunay::Window;
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};
+use wide::Wide;
 
 /// Clouds to be written as one.
 #[derive(Clone, Debug)]
@@ -186,8 +186,9 @@ fn prepared<T: Send>(
     let told = job.above.info(carrier.info());
     let columns = carrier.columns();
     let assigning = Assigning::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
-    let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window));
-    let needed = job.needed(packing, carrier.info(), source.count());
+    let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window))
+        .with(portion.and_then(Portion::noise).map(|noise| &noise.own));
+    let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
     let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
     let threads = shares.threads;
     let moved = job.moved(&told)?;
@@ -233,10 +234,18 @@ impl TranslateJob {
         Ok(self.thin.map_or(0.0, |thin| thin.cell) + overlap + noise)
     }
 
-    /// Bytes of memory that it needs beside records on their way, so many of them read of such a cloud; and more for
-    /// each thread.
-    fn needed(&self, packing: Packing, info: &CloudInfo, points: u64) -> [u64; 2] {
-        let choices = self.choices() * needed(points);
+    /// Bytes of memory that it needs beside records on their way, so many of them read of such a cloud, which may be
+    /// but a part; and more for each thread.
+    fn needed(
+        &self,
+        packing: Packing,
+        info: &CloudInfo,
+        (points, is_part): (u64, bool),
+    ) -> [u64; 2] {
+        // However far around a part the ground is read.
+        let is_wide = is_part && self.dedupe && self.above.is_asked();
+        let wide = if is_wide { needed(info.count) } else { 0 };
+        let choices = self.choices() * needed(points) + wide;
         let is_spread = packing == Packing::Nodes || self.squares.is_some();
         let spread = if is_spread { SPREAD } else { 0 };
         let sort = self.sort.map_or(0, |_| sorted::LEAST);
@@ -271,18 +280,6 @@ impl TranslateJob {
         OpenOptions { filter, ..self.cloud.clone() }
     }
 
-    /// All points that the ground may be made of, where these are not only those asked for, or some of them.
-    fn wide(&self, packing: Packing, is_part: bool) -> Result<Option<Wide>> {
-        let own = self.reading();
-        let is_all = own.filter.classes.is_none() && own.filter.returns.is_none();
-        if (is_all && !is_part) || !self.above.is_asked() {
-            return Ok(None);
-        }
-        let filter = Filter { classes: None, returns: None, ..own.filter };
-        let cloud = terrane_cloud::open(&self.input, &OpenOptions { filter, ..own })?;
-        Ok(Some(Wide { cloud, asked: (self.format, packing) }))
-    }
-
     /// Where points lie in the system asked for.
     fn moved(&self, info: &CloudInfo) -> Result<Option<Move>> {
         let Some(transform) = &self.transform else { return Ok(None) };
@@ -304,12 +301,6 @@ impl TranslateJob {
             None => packing(&self.output),
         }
     }
-}
-
-/// A cloud with points beyond those asked for.
-struct Wide {
-    cloud: Cloud,
-    asked: (Option<PointFormat>, Packing),
 }
 
 /// What was made.
@@ -344,9 +335,7 @@ impl Work<'_> {
     /// Writes what is chosen of all records, and says what was found.
     fn run(&self, source: &dyn Records, wide: Option<&Wide>) -> Result<(Made, Vec<String>)> {
         let (job, record) = (self.job, self.shares.flow.record);
-        let twice = thin::Twice::new(self.options.format);
-        let single = job.dedupe.then(|| self.choose(source, &twice, "points there twice"));
-        let single = single.transpose()?;
+        let single = self.single(source)?;
         let records = over(&single, source);
         let marked = self.mark(records)?;
         let records = over(&marked, records);
@@ -376,6 +365,13 @@ impl Work<'_> {
         // Both may say that the unit is a guess.
         notes.dedup();
         Ok((made, notes))
+    }
+
+    /// The records without those that are there twice, where these are not wanted.
+    fn single<'r>(&self, records: &'r dyn Records) -> Result<Option<Chosen<'r>>> {
+        let twice = thin::Twice::new(self.options.format);
+        let choose = || self.choose(records, &twice, "points there twice");
+        self.job.dedupe.then(choose).transpose()
     }
 
     /// The records with the class of noise for those that are, where it is looked for.
@@ -420,27 +416,6 @@ impl Work<'_> {
     fn sort(&self, records: &dyn Records, by: Sort) -> Result<Sorted> {
         let held = (self.shares.flow, self.shares.marks / 4, self.folder());
         Sorted::new(records, (by, self.options.format), held, self.at)
-    }
-
-    fn tell<'r>(&self, records: &'r dyn Records, wide: Option<&Wide>) -> Result<Told<'r>> {
-        let looking = self.looking();
-        let at = self.carrier.heights_at();
-        let Some(Wide { cloud, asked }) = wide else { return looking.tell(records, None, at) };
-        let carrier = Carrier::new(cloud, *asked, at.is_some())?;
-        let wide = CarriedRecords::within(cloud, &carrier, self.around_ground()?);
-        let marked = self.mark(&wide)?;
-        looking.tell(records, Some(over(&marked, &wide)), at)
-    }
-
-    /// Where points lie that the ground of the squares is made of, if not everywhere.
-    fn around_ground(&self) -> Result<Option<Window>> {
-        let Some(portion) = self.portion else { return Ok(None) };
-        let Some(seen) = portion.seen.filter(|seen| !seen.by_class) else {
-            return Ok(Some(portion.ground()));
-        };
-        let metres = Metres::of(&self.cloud.crs, &self.cloud.frame)?;
-        let method = self.job.above.from.method();
-        Ok(Some(around(&method, &metres, seen.last, portion.ground())))
     }
 
     fn looking(&self) -> Looking<'_> {

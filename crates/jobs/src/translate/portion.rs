@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::noise::Noise;
+use super::prepared::Looked;
 use super::squares::Squares;
-use crate::grid::preset::Seen;
 use crate::grid::{Near, near_steps};
 use crate::points::Limits;
 use terrane_base::geom::Frame;
@@ -19,8 +20,8 @@ pub(super) struct Portion<'a> {
     pub(super) spans: Spans,
     /// The points that are looked at, and how far around them the ground is.
     pub(super) near: Near,
-    /// What has to be known of the ground of the whole cloud, where there is something to be told of it.
-    pub(super) seen: Option<&'a Seen>,
+    /// What is known of the whole cloud.
+    pub(super) looked: &'a Looked,
     /// The cloud: of its parts only the bounds are asked.
     pub(super) points: &'a dyn PointSource,
     /// Where their files go.
@@ -31,11 +32,16 @@ pub(super) struct Portion<'a> {
 impl<'a> Portion<'a> {
     pub(super) fn new(
         (spans, near): (Spans, Near),
-        seen: Option<&'a Seen>,
+        looked: &'a Looked,
         points: &'a dyn PointSource,
         folder: &'a Path,
     ) -> Self {
-        Self { spans, near, seen, points, folder, exceeded: AtomicBool::new(false) }
+        Self { spans, near, looked, points, folder, exceeded: AtomicBool::new(false) }
+    }
+
+    /// Which points are noise, where that is known.
+    pub(super) fn noise(&self) -> Option<&Noise> {
+        self.looked.noise.as_ref()
     }
 
     /// All points that may be in the files, or decide which are.

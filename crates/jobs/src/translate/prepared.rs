@@ -2,8 +2,11 @@
 
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::carried::CarriedRecords;
-use super::{HeightsAs, Made, Shares, TranslateJob, TranslateReport, Wide, Work};
+use super::noise::{Marked, Noise};
+use super::{HeightsAs, Made, Shares, TranslateJob, TranslateReport, Work, over};
 use crate::figures::Figures;
 use crate::grid::preset::Seen;
 use crate::sift::Losses;
@@ -17,6 +20,25 @@ pub(super) struct Prepared<'a> {
     pub(super) work: Work<'a>,
     pub(super) source: &'a CarriedRecords<'a>,
     pub(super) packing: Packing,
+}
+
+/// What has to be known of the whole cloud before some squares are made.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Looked {
+    /// Which points are noise, where that has to be known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) noise: Option<Noise>,
+    /// Of the ground, where something is told of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) seen: Option<Seen>,
+}
+
+impl Looked {
+    /// What was found, one line each.
+    pub(super) fn notes(&self) -> impl Iterator<Item = String> + '_ {
+        let noise = self.noise.iter().flat_map(|noise| &noise.notes);
+        noise.chain(self.seen.iter().flat_map(|seen| &seen.notes)).cloned()
+    }
 }
 
 impl Prepared<'_> {
@@ -61,16 +83,25 @@ impl Prepared<'_> {
         self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
     }
 
-    /// What has to be known of the ground of the whole cloud before that of some squares is told.
-    pub(super) fn look(&self) -> Result<Seen> {
-        match self.work.job.wide(self.packing, true)? {
-            None => Ok(Seen::default()),
-            Some(Wide { cloud, asked }) => {
-                let has_dimension = self.work.carrier.heights_at().is_some();
-                let carrier = Carrier::new(&cloud, asked, has_dimension)?;
-                self.work.looking().look(&CarriedRecords::new(&cloud, &carrier))
-            }
-        }
+    /// What has to be known of the whole cloud: what is noise, and of the ground what some squares do not tell.
+    pub(super) fn look(&self) -> Result<Looked> {
+        let (work, above) = (&self.work, &self.work.job.above);
+        let wide = work.job.wide(self.packing, false)?;
+        let is_own = wide.is_none() || above.noise().is_some();
+        let single = if is_own { work.single(self.source)? } else { None };
+        let records = over(&single, self.source);
+        let marked = work.mark(records)?;
+        let noted = |marked: &Marked<'_>| {
+            let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
+            Ok(Noise { own, wide: None, notes })
+        };
+        let mut noise = marked.as_ref().map(noted).transpose()?;
+        let seen = match wide {
+            Some(wide) => Some(work.look_at_wide(&wide, noise.as_mut())?),
+            None if above.is_asked() => Some(work.looking().look(over(&marked, records))?),
+            None => None,
+        };
+        Ok(Looked { noise, seen })
     }
 }
 
@@ -93,9 +124,9 @@ fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrier<'a>> {
     Ok(carrier)
 }
 
-/// Bytes of memory that a job needs which looks at so many points, and those of them for a thread.
+/// Bytes of memory that a part of a job needs which looks at so many points, and those of them for a thread.
 pub(super) fn least(job: &TranslateJob, cloud: &Cloud, points: u64) -> Result<[u64; 2]> {
     let carrier = carrier(job, cloud)?;
-    let needed = job.needed(job.packing()?, carrier.info(), points);
+    let needed = job.needed(job.packing()?, carrier.info(), (points, true));
     Ok(Shares::least((carrier.size(), carrier.extra_bytes()), needed))
 }

@@ -165,7 +165,7 @@ impl Looking<'_> {
 
     /// What was seen of the ground of the whole cloud, where it is made in portions.
     fn seen(&self) -> Option<&Seen> {
-        self.portion.and_then(|portion| portion.seen)
+        self.portion.and_then(|portion| portion.looked.seen.as_ref())
     }
 
     fn find(&self, records: &dyn Records, wide: Option<&dyn Records>) -> Result<Found> {

@@ -171,6 +171,11 @@ impl Above {
         })
     }
 
+    /// Leaves noise to others.
+    pub(super) fn forget_noise(&mut self) {
+        self.classify.retain(|one| !matches!(one, Classify::Noise(_)));
+    }
+
     /// Bytes that it needs for a cloud, and more for each thread.
     pub(super) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
         let tables = (info.count / 4096).clamp(1, 1 << 18) * SQUARE;

@@ -4,6 +4,7 @@
 //! records ── places, by parts of space ── scores, part by part ──[limit of all]── bits ── records again, with the class
 //! ```
 
+mod noted;
 mod parts;
 
 use std::path::Path;
@@ -18,6 +19,7 @@ use crate::plan::At;
 use crate::records::choice::place;
 use crate::records::{Flow, Records, Take, Unit, numbered};
 use crate::workers;
+pub(super) use noted::{Marks, Noise, Noted};
 use parts::{Entry, Filling, Parts};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
@@ -104,7 +106,7 @@ impl Looking<'_> {
         let noise = noise.into_inner().unwrap_or_default();
         let notes = self.told(&noise, &limit, (&space, is_guess));
         let (format, record, class) = (self.format, self.flow.record, self.asked.class());
-        Ok(Marked { records, format, record, class, noise, firsts, notes })
+        Ok(Marked { records, format, record, class, noise, firsts, count, notes })
     }
 
     /// Points that are neither noise yet nor withheld, by parts.
@@ -203,8 +205,9 @@ pub(super) struct Marked<'a> {
     record: usize,
     class: u8,
     noise: BitSet,
-    /// Number of the first record of each unit.
+    /// Number of the first record of each unit, and how many there are.
     firsts: Vec<u64>,
+    count: u64,
     pub(super) notes: Vec<String>,
 }
 

@@ -4,9 +4,9 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::grid::preset::Seen;
 use crate::plan;
 use crate::translate::portion::Spans;
+use crate::translate::prepared::Looked;
 use crate::translate::{Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, squares};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
@@ -25,9 +25,9 @@ pub(super) struct Points {
     pub(super) label: String,
     pub(super) method: Method,
     pub(super) blocks: Blocks,
-    /// What is known of the ground, where something is told of it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) seen: Option<Seen>,
+    /// What is known of the whole cloud.
+    #[serde(flatten)]
+    pub(super) looked: Looked,
 }
 
 /// What is asked for, by paths that hold wherever a task is run on this file system.
@@ -108,23 +108,6 @@ impl Method {
         if distance.is_some() {
             return Err(Error::usage("--thin-distance cannot act in a plan: whether a point stays may depend on points however far away")
                 .remedy("plan without it and run terrane points --thin-distance on the squares, or run terrane points alone"));
-        }
-        if *dedupe && above.is_asked() {
-            return Err(Error::usage("--dedupe cannot act beside what the ground tells in a plan: the ground is looked at before")
-                .remedy("plan --dedupe first, and the ground of what that gives"));
-        }
-        if let Some(noise) = above.noise() {
-            if !noise.is_local() {
-                return Err(Error::usage(format!(
-                    "--classify noise:{} cannot act in a plan: its limit depends on all points",
-                    noise.name()
-                ))
-                .remedy("plan --classify noise:voxel, or run terrane points before"));
-            }
-            if above.is_asked() {
-                return Err(Error::usage("--classify noise cannot act beside what the ground tells in a plan: the ground is looked at before")
-                    .remedy("plan --classify noise first, and the ground of what that gives"));
-            }
         }
         Ok(Self {
             input: input.clone(),

@@ -2,7 +2,7 @@
 //! it; the last task puts their files into one folder. The files are those of a single run, byte for byte.
 //!
 //! A task opens all headers, so that frame, format and squares are those of the whole. What is not a matter of what
-//! lies near is refused, or, for the ground, looked at once when the plan is made.
+//! lies near is refused, or looked at once when the plan is made: of the ground, and noise.
 
 mod manifest;
 mod probe;
@@ -66,7 +66,7 @@ pub struct PointsWritten {
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. Where something is told of the
-/// ground, the points are looked at once. A few squares are made, to tell the size of the results, and thrown away.
+/// ground, or noise is found by all points, these are looked at once. A few squares are made, to tell the size of the results, and thrown away.
 ///
 /// # Errors
 /// Those of [`run`](super::run) that are found before the work; `Usage` for one file instead of squares, for what is
@@ -79,8 +79,7 @@ pub fn plan_points(
     let plan::PlanJob { job, folder, cut, skipped } = job;
     let at = At { progress, cancel };
     refuse_held(&job.input)?;
-    let (mut work, opened) = Points::new(job, *cut)?;
-    work.seen = opened.look(at)?;
+    let (work, opened) = Points::new(job, *cut, at)?;
     let files = work.files(&opened);
     let needs = probe::expect(&opened, &work, at)?;
     Plan::new(work, files, needs, skipped)?.put(folder)?;

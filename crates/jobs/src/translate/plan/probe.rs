@@ -9,6 +9,7 @@ use super::work::Opened;
 use crate::plan::{At, Needs};
 use crate::points::parts_in;
 use crate::translate;
+use crate::translate::noise::Noise;
 use crate::translate::portion::{Spans, window};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointSource;
@@ -47,11 +48,12 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
         0.0 => count * translate::record_bytes(&opened.job, &opened.cloud)? as f64 * grown(work),
         tried => MARGIN * bytes / tried * area(opened, work, work.blocks.spans),
     } as u64;
-    let kind = work.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
+    let kind = work.looked.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
     let [memory, thread_memory] =
         translate::least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
+    let noted = work.looked.noise.as_ref().map_or(0, Noise::bytes);
     Ok(Needs {
-        memory,
+        memory: memory + noted,
         thread_memory,
         objects: all,
         output: all,

@@ -10,17 +10,18 @@ use serde::{Deserialize, Serialize};
 use super::manifest::{Block, Blocks, Method, Points, label};
 use super::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
-use crate::grid::preset::Seen;
 use crate::plan::{
     At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
     refuse_another,
 };
 use crate::sift::Losses;
 use crate::translate::portion::{Portion, Spans, window};
+use crate::translate::prepared::Looked;
 use crate::translate::{self, TranslateJob, squares};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{Cloud, PointSource};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
+use terrane_ground::noise;
 
 /// A plan's cloud and job, opened.
 pub(super) struct Opened {
@@ -39,8 +40,12 @@ pub(super) struct Facts {
 }
 
 impl Points {
-    /// What is asked for, and what there is; nothing is known of the ground yet.
-    pub(super) fn new(job: &TranslateJob, cut: Option<u32>) -> Result<(Self, Opened)> {
+    /// What is asked for, what there is, and what has to be known of all of it.
+    pub(super) fn new(
+        job: &TranslateJob,
+        cut: Option<u32>,
+        at: At<'_>,
+    ) -> Result<(Self, Opened)> {
         let mut method = Method::of(job)?;
         let mut opened = Opened::new(job.clone())?;
         method.found(opened.cloud.files())?;
@@ -50,7 +55,9 @@ impl Points {
         opened.job.overlap = method.overlap;
         let blocks = Blocks::of(&info, &method.squares, cut)?;
         blocks.check()?;
-        Ok((Self { label: label(job), method, blocks, seen: None }, opened))
+        let looked = opened.look(at)?;
+        let label = label(job);
+        Ok((Self { label, method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
     }
 
     /// The files it is made from.
@@ -66,11 +73,23 @@ impl Opened {
         Ok(Self { job, cloud })
     }
 
-    /// What has to be known of the ground of the whole cloud, where something is told of it.
-    pub(super) fn look(&self, at: At<'_>) -> Result<Option<Seen>> {
-        let asked = self.job.above.is_asked();
-        let look = || translate::prepared(&self.job, &self.cloud, None, at, |of| of.look());
-        asked.then(look).transpose()
+    /// What has to be known of the whole cloud: of its ground, where something is told of that, and what is noise,
+    /// where that is no matter of points nearby or is no ground.
+    fn look(&self, at: At<'_>) -> Result<Looked> {
+        let above = &self.job.above;
+        let is_local = above.noise().is_none_or(noise::Asked::is_local);
+        match above.is_asked() || !is_local {
+            true => translate::prepared(&self.job, &self.cloud, None, at, |of| of.look()),
+            false => Ok(Looked::default()),
+        }
+    }
+
+    /// What is left to be done where this is known: noise is marked as points are read.
+    fn knowing(mut self, looked: &Looked) -> Self {
+        if looked.noise.is_some() {
+            self.job.above.forget_noise();
+        }
+        self
     }
 
     /// Makes the files of some squares in a folder, of what lies near them or as much more as it takes.
@@ -86,7 +105,7 @@ impl Opened {
         let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
         let mut near = Near { cells, margin: side.saturating_add(4).max(wide as i32) };
         loop {
-            let portion = Portion::new((spans, near), work.seen.as_ref(), &self.cloud, folder);
+            let portion = Portion::new((spans, near), &work.looked, &self.cloud, folder);
             let made = translate::prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
             if !portion.is_exceeded() {
                 return made.map(|(made, _)| made);
@@ -149,14 +168,14 @@ impl Work for Points {
 
     fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
-        let Self { label, method, blocks, .. } = &plan.work;
+        let Self { label, method, blocks, looked } = &plan.work;
         let mut job = TranslateJob { output, overwrite, resources, ..method.job()? };
         job.cloud.threads = job.resources.threads;
         let opened = Opened::new(job)?;
         let info = translate::stored(&opened.job, &opened.cloud)?;
         let here = Blocks::of(&info, &method.squares, Some(blocks.cut))?;
         refuse_another("cloud", label, blocks, &here)?;
-        Ok(opened)
+        Ok(opened.knowing(looked))
     }
 
     fn check_output(Opened { job, cloud }: &Opened, _: At<'_>) -> Result<()> {
@@ -214,7 +233,7 @@ impl Work for Points {
         at.progress.end();
         folder.commit()?;
         written.notes.extend(losses.notes());
-        written.notes.extend(work.seen.iter().flat_map(|seen| seen.notes.clone()));
+        written.notes.extend(work.looked.notes());
         run.written = Some(written.clone());
         Ok(written)
     }

@@ -1,0 +1,171 @@
+//! Noise as a plan notes it: found once among all points, and marked by tasks while they read.
+
+use std::iter::zip;
+use std::str::Split;
+
+use serde::{Deserialize, Serialize};
+
+use super::Marked;
+use crate::records::choice::Chosen;
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// Most bytes of what is noted of a cloud: some eighty million points of noise.
+const MOST_BYTES: u64 = 256 << 20;
+/// How many times these are in memory while a plan is read.
+const COPIES: u64 = 3;
+
+/// What was found of all points.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(in crate::translate) struct Noise {
+    pub(in crate::translate) own: Noted,
+    /// Of all points that the ground is made of, where these are not only those asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(in crate::translate) wide: Option<Noted>,
+    /// What was found, one line each.
+    pub(in crate::translate) notes: Vec<String>,
+}
+
+impl Noise {
+    /// That of points that the ground is made of.
+    pub(in crate::translate) fn of_ground(&self) -> &Noted {
+        self.wide.as_ref().unwrap_or(&self.own)
+    }
+
+    /// Bytes of memory that it takes of whoever reads the plan.
+    pub(in crate::translate) fn bytes(&self) -> u64 {
+        COPIES * (self.own.bytes() + self.wide.as_ref().map_or(0, Noted::bytes))
+    }
+}
+
+/// Which records of a cloud are noise.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(in crate::translate) struct Noted {
+    class: u8,
+    /// Of each part of the cloud, in order.
+    parts: Vec<Gaps>,
+}
+
+impl Noted {
+    fn bytes(&self) -> u64 {
+        self.parts.iter().map(|gaps| gaps.0.len() as u64).sum()
+    }
+
+    /// What marks the records of a part, the first of which is next.
+    pub(in crate::translate) fn marks(&self, part: usize) -> Marks<'_> {
+        let gaps = self.parts.get(part).map_or("", |gaps| gaps.0.as_str());
+        let mut marks = Marks { class: self.class, gaps: gaps.split(' '), left: None };
+        marks.left = marks.gap();
+        marks
+    }
+}
+
+/// Which of some records are noise: how many others come before each of these, after the one before it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "String")]
+struct Gaps(String);
+
+impl Gaps {
+    fn of(places: impl Iterator<Item = u64>) -> Self {
+        let mut next = 0;
+        let gaps = places.map(|place| {
+            let gap = place - next;
+            next = place + 1;
+            gap.to_string()
+        });
+        Self(gaps.collect::<Vec<_>>().join(" "))
+    }
+}
+
+impl TryFrom<String> for Gaps {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        let is_gap = |gap: &str| gap.parse::<u64>().is_ok();
+        match text.is_empty() || text.split(' ').all(is_gap) {
+            true => Ok(Self(text)),
+            false => Err("noise is not noted by numbers".to_owned()),
+        }
+    }
+}
+
+/// Marks the records of a part, one after the other.
+pub(in crate::translate) struct Marks<'a> {
+    class: u8,
+    gaps: Split<'a, char>,
+    /// Records before the next that is noise, if there is one.
+    left: Option<u64>,
+}
+
+impl Marks<'_> {
+    /// The class that the next record gets, where it is noise.
+    pub(in crate::translate) fn take(&mut self) -> Option<u8> {
+        match self.left? {
+            0 => {
+                self.left = self.gap();
+                Some(self.class)
+            }
+            left => {
+                self.left = Some(left - 1);
+                None
+            }
+        }
+    }
+
+    fn gap(&mut self) -> Option<u64> {
+        self.gaps.next().and_then(|gap| gap.parse().ok())
+    }
+}
+
+impl Marked<'_> {
+    /// What a plan notes of them: by the places of records in their parts, of which those of `single` are left.
+    ///
+    /// # Errors
+    /// More noise than a plan has room for.
+    pub(in crate::translate) fn noted(&self, single: Option<&Chosen<'_>>) -> Result<Noted> {
+        let mut noted = Noted { class: self.class, parts: Vec::with_capacity(self.firsts.len()) };
+        let mut bytes = 0;
+        for (unit, first) in self.firsts.iter().enumerate() {
+            let end = self.firsts.get(unit + 1).unwrap_or(&self.count);
+            let numbers = *first as usize..*end as usize;
+            let gaps = match single {
+                Some(single) => {
+                    let kept = zip(single.kept_in(unit), numbers);
+                    Gaps::of(kept.filter(|(_, i)| self.noise.contains(*i)).map(|(at, _)| at))
+                }
+                None => Gaps::of(self.noise.within(numbers).map(|i| i as u64 - first)),
+            };
+            bytes += gaps.0.len() as u64;
+            if bytes > MOST_BYTES {
+                return Err(too_much());
+            }
+            noted.parts.push(gaps);
+        }
+        Ok(noted)
+    }
+}
+
+fn too_much() -> Error {
+    Error::new(ErrorKind::Resource, "there is more noise than a plan has room to note")
+        .remedy("run terrane points --classify noise alone, and plan the squares of what it writes")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_records_are_marked_as_were_noted() {
+        for places in [&[][..], &[0], &[4], &[0, 1, 2, 7, 8, 30], &[3, 29]] {
+            let gaps = Gaps::of(places.iter().copied());
+            let text = serde_json::to_string(&Noted { class: 18, parts: vec![gaps] }).unwrap();
+            let noted: Noted = serde_json::from_str(&text).unwrap();
+            let mut marks = noted.marks(0);
+            let marked: Vec<u64> = (0..31).filter(|_| marks.take() == Some(18)).collect();
+            assert_eq!(marked, places, "{text}");
+            assert!(noted.marks(1).take().is_none());
+        }
+        for text in [" ", "1  2", "-1", "1 x", "99999999999999999999"] {
+            assert!(Gaps::try_from(text.to_owned()).is_err(), "{text}");
+        }
+    }
+}

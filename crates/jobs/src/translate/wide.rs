@@ -1,0 +1,77 @@
+//! The points that the ground is made of, where these are not those asked for, and no others.
+
+use super::carried::CarriedRecords;
+use super::noise::Noise;
+use super::{Portion, Told, TranslateJob, Work, over};
+use crate::grid::preset::{Metres, Seen, around};
+use crate::records::Records;
+use terrane_base::error::Result;
+use terrane_cloud::write::Packing;
+use terrane_cloud::{Carrier, Cloud, Filter, OpenOptions, PointFormat};
+use terrane_delaunay::Window;
+
+/// A cloud with points beyond those asked for.
+pub(super) struct Wide {
+    cloud: Cloud,
+    asked: (Option<PointFormat>, Packing),
+    /// Whether it has none but those asked for, which are looked at in parts.
+    is_same: bool,
+}
+
+impl TranslateJob {
+    /// All points that the ground may be made of, where these are not only those asked for, or some of them.
+    pub(super) fn wide(&self, packing: Packing, is_part: bool) -> Result<Option<Wide>> {
+        let own = self.reading();
+        let is_same = own.filter.classes.is_none() && own.filter.returns.is_none();
+        if (is_same && !is_part) || !self.above.is_asked() {
+            return Ok(None);
+        }
+        let filter = Filter { classes: None, returns: None, ..own.filter };
+        let cloud = terrane_cloud::open(&self.input, &OpenOptions { filter, ..own })?;
+        Ok(Some(Wide { cloud, asked: (self.format, packing), is_same }))
+    }
+}
+
+impl Work<'_> {
+    /// The records with what the ground tells of them.
+    pub(super) fn tell<'r>(
+        &self,
+        records: &'r dyn Records,
+        wide: Option<&Wide>,
+    ) -> Result<Told<'r>> {
+        let looking = self.looking();
+        let at = self.carrier.heights_at();
+        let Some(Wide { cloud, asked, is_same }) = wide else {
+            return looking.tell(records, None, at);
+        };
+        let carrier = Carrier::new(cloud, *asked, at.is_some())?;
+        let noise = self.portion.and_then(Portion::noise).map(Noise::of_ground);
+        let wide = CarriedRecords::within(cloud, &carrier, self.around_ground()?).with(noise);
+        let single = if *is_same { self.single(&wide)? } else { None };
+        let wide = over(&single, &wide);
+        let marked = self.mark(wide)?;
+        looking.tell(records, Some(over(&marked, wide)), at)
+    }
+
+    /// What has to be known of the ground of all points, whose noise is noted.
+    pub(super) fn look_at_wide(&self, wide: &Wide, noise: Option<&mut Noise>) -> Result<Seen> {
+        let carrier = Carrier::new(&wide.cloud, wide.asked, self.carrier.heights_at().is_some())?;
+        let wide = CarriedRecords::new(&wide.cloud, &carrier);
+        let marked = self.mark(&wide)?;
+        if let Some((noise, marked)) = noise.zip(marked.as_ref()) {
+            noise.wide = Some(marked.noted(None)?);
+        }
+        self.looking().look(over(&marked, &wide))
+    }
+
+    /// Where points lie that the ground of the squares is made of, if not everywhere.
+    fn around_ground(&self) -> Result<Option<Window>> {
+        let Some(portion) = self.portion else { return Ok(None) };
+        let Some(seen) = portion.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
+            return Ok(Some(portion.ground()));
+        };
+        let metres = Metres::of(&self.cloud.crs, &self.cloud.frame)?;
+        let method = self.job.above.from.method();
+        Ok(Some(around(&method, &metres, seen.last, portion.ground())))
+    }
+}
