@@ -12,6 +12,7 @@ mod discs;
 mod filters;
 mod formats;
 mod noise;
+mod noise_plan;
 mod octree;
 mod synth;
 mod translate;
