@@ -236,6 +236,19 @@ fn jobs() -> Vec<String> {
     ] {
         add(format!("points ../in/steep.laz o.laz {options}"));
     }
+    let ground = "--classify ground --ground csf --height-above-ground";
+    for options in [
+        "--classify noise",
+        "--classify noise:voxel:step=2,isolated=9,class=18 --return first",
+        "--classify noise:statistical",
+        &format!("--classify noise:statistical:k=20,m=1.5 --dedupe {ground}"),
+    ] {
+        add(format!("points ../in/steep.laz o.las {options}"));
+        add(format!("points ../in/steep.laz o {options} --tile 25 --buffer 2"));
+        // Its digest is that of one run without a plan.
+        let plan = format!("plan points ../in/steep.laz -o w {options} --tile 25 --buffer 2");
+        add(format!("{plan} --cut 2 then run w -o o"));
+    }
     for options in [
         "--thin-distance 0.7",
         "--drop-overlap=2 --sort time",

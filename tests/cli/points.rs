@@ -78,15 +78,11 @@ fn what_cannot_be_is_refused_by_name() {
         ("points degrees.laz x.laz --classify noise", 2, "units of length"),
         ("points degrees.laz x.laz --classify noise:statistical", 2, "units of length"),
         ("points a.laz x.laz --classify noise --ground csf", 2, "nothing is asked of the ground"),
+        ("plan points a.laz -o x --tile 20 --to-crs EPSG:4326", 2, "--to-crs cannot act in a plan"),
         (
-            "plan points a.laz -o x --tile 20 --classify noise:statistical",
+            "plan points a.laz -o x --tile 20 --thin-distance 2",
             2,
-            "depends on all points",
-        ),
-        (
-            "plan points a.laz -o x --tile 20 --classify noise --classify ground",
-            2,
-            "plan --classify noise first",
+            "--thin-distance cannot act in a plan",
         ),
         ("points a.laz x.laz --thin-distance 0", 2, "--thin-distance"),
         ("points a.laz x.laz --thin-distance 0.001", 2, "smaller than a step"),

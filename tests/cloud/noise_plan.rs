@@ -22,9 +22,8 @@ fn cloud() -> Made {
     let crowd = (0..2_000).map(|i| [3_000 + i * 7919 % 797, 4_000 + i * 4729 % 691, i * 31 % 401]);
     let pits = (0..60).map(|i| [i * 7919 % 10_000, i * 4729 % 8_900, -9_000 - i * 97]);
     let birds = (0..40).map(|i| [i * 3571 % 10_700, i * 6607 % 8_900, 30_000 + i % 4 * 300]);
-    let lone = [[60_000, 9_000, 50], [60_090, 9_000, 50], [-20_000, 40, 7]];
-    let places: Vec<[i32; 3]> =
-        plain.chain(crowd).chain(pits).chain(birds).chain(lone).collect();
+    let lone = [[20_000, 9_000, 50], [20_090, 9_000, 50], [-6_000, 40, 7]];
+    let places: Vec<[i32; 3]> = plain.chain(crowd).chain(pits).chain(birds).chain(lone).collect();
     let mut made = Made::new(6, Packing::Fixed(700), places.len());
     for (number, (record, place)) in made.records.iter_mut().zip(&places).enumerate() {
         record[..12].copy_from_slice(place.map(i32::to_le_bytes).as_flattened());
@@ -52,7 +51,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     std::fs::read_dir(folder).unwrap().map(file).collect()
 }
 
-/// By plan, each task alone, in the least memory that the plan tells.
+/// By plan, the first tasks alone, in the least memory that the plan tells.
 fn planned(job: &TranslateJob, folder: &Path, cut: u32) -> PointsWritten {
     let silent = (&Silent, Cancel::default());
     let plan =
@@ -72,8 +71,8 @@ fn planned(job: &TranslateJob, folder: &Path, cut: u32) -> PointsWritten {
         };
         run_points(&run, silent.0, &silent.1).unwrap()
     };
-    let names: Vec<String> = status.to_do.iter().map(|task| task.id.clone()).collect();
-    names.iter().filter(|name| *name != "finish").for_each(|name| drop(task(Some(name.clone()))));
+    let some = status.to_do.iter().take(3).map(|task| task.id.clone());
+    some.for_each(|name| drop(task(Some(name))));
     task(None).of.written.unwrap()
 }
 

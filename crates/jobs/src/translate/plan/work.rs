@@ -41,11 +41,7 @@ pub(super) struct Facts {
 
 impl Points {
     /// What is asked for, what there is, and what has to be known of all of it.
-    pub(super) fn new(
-        job: &TranslateJob,
-        cut: Option<u32>,
-        at: At<'_>,
-    ) -> Result<(Self, Opened)> {
+    pub(super) fn new(job: &TranslateJob, cut: Option<u32>, at: At<'_>) -> Result<(Self, Opened)> {
         let mut method = Method::of(job)?;
         let mut opened = Opened::new(job.clone())?;
         method.found(opened.cloud.files())?;
