@@ -189,6 +189,9 @@ fn make_inputs(place: &Place) {
     place.ok(&["plan", "tin", "dem.tif", "-o", "tin.plan", "--max-error", "0.5"]);
     let cloud = ["plan", "tin", "dense.laz", "-o", "cloud.plan", "--max-error", "0.5"];
     place.ok(&[&cloud[..], &["--cut", "200000"]].concat());
+    let squares = "--tile 60 --dedupe --classify noise:statistical --classify ground";
+    let squares: Vec<&str> = squares.split(' ').collect();
+    place.ok(&[&["plan", "points", "dense.laz", "-o", "points.plan"], &squares[..]].concat());
     // The same samples, a second of arc apart.
     for (grid, name, side) in [("dem.tif", "globe", terrain), ("large.tif", "wide", 2817)] {
         place.ok(&["convert", grid, &format!("{name}.flt"), "-q"]);
@@ -291,6 +294,7 @@ const JOBS: &[&str] = &[
     "synth cloud,size=200 o.laz",
     "run tin.plan",
     "run cloud.plan",
+    "run points.plan",
     "tiles globe.flt o1",
     "tiles wide.flt o2 --max-level 4",
     "verify tiles globe.flt",
