@@ -1,3 +1,3 @@
-//! Nothing but a list of features (`Cargo.toml`): the tests and the Python package each turn on some that the other
-//! does not, of crates that nearly all others are built upon. Where both ask for all of these, what was built for the
-//! tests is taken for the package, too.
+//! Nothing but a list of features (`Cargo.toml`): tests, the program and the Python package each turn on some that the
+//! others do not, of crates that nearly all else is built upon. Where all ask for all of these, what was built for
+//! one of them is taken for the others, too.
