@@ -33,6 +33,8 @@ pub(super) struct Fan {
     pub(super) spokes: Vec<Spoke>,
     /// By bit, those of the first spokes that begin triangles which are no ghosts.
     inner: u64,
+    /// Where the last point was found.
+    last: usize,
 }
 
 /// The side of a triangle of a fan that it begins at.
@@ -58,27 +60,41 @@ impl Fan {
         self.spokes.extend(mesh.fan().iter().map(spoke));
         let bits = self.spokes.iter().take(64).enumerate();
         self.inner = bits.map(|(i, spoke)| u64::from(spoke.search.is_some()) << i).sum();
+        self.last = 0;
     }
 
     /// The search in the triangle that a point of the old ones lies in; `None` for the centre itself.
     #[inline(always)]
     pub(super) fn search_of(&mut self, point: Point) -> Option<&mut Search> {
-        let number = self.at_once([point.x, point.y]).or_else(|| self.find([point.x, point.y]))?;
-        self.spokes[number].search.as_mut()
+        let point = [point.x, point.y];
+        // Points that are near each other in the list are mostly in one triangle.
+        if !self.is_in(self.last, point) {
+            self.last = self.at_once(point).or_else(|| self.find(point))?;
+        }
+        self.spokes[self.last].search.as_mut()
     }
 
-    /// The number of the triangle that a point lies in, by looking at all spokes: it is left of that of its triangle
-    /// and right of the next one. `None` where that does not tell.
     #[inline(always)]
+    fn side(&self, spoke: usize, point: [i32; 2]) -> i64 {
+        let spoke = if spoke == self.spokes.len() { 0 } else { spoke };
+        orient(self.centre, self.spokes[spoke].end, point)
+    }
+
+    /// Whether a point is left of the spoke of a triangle, or on it, and right of the next one. True for one triangle
+    /// at the most, as none has an angle of 180 degrees.
+    #[inline(always)]
+    fn is_in(&self, i: usize, point: [i32; 2]) -> bool {
+        (self.side(i, point) >= 0) & (self.side(i + 1, point) < 0) & self.spokes[i].search.is_some()
+    }
+
+    /// The number of the triangle that a point lies in, by looking at all spokes without a branch. `None` where that
+    /// does not tell.
     fn at_once(&self, point: [i32; 2]) -> Option<usize> {
         let count = self.spokes.len();
         if count > 64 || point == self.centre {
             return None;
         }
-        let mut left = 0;
-        for (i, spoke) in self.spokes.iter().enumerate() {
-            left |= u64::from(orient(self.centre, spoke.end, point) >= 0) << i;
-        }
+        let left = (0..count).map(|i| u64::from(self.side(i, point) >= 0) << i).sum::<u64>();
         let is_left_of_next = left >> 1 | left << (count - 1);
         let found = left & !is_left_of_next & self.inner;
         (found != 0).then(|| found.trailing_zeros() as usize)
@@ -87,16 +103,16 @@ impl Fan {
     /// The same, by one spoke after the other.
     #[cold]
     fn find(&self, point: [i32; 2]) -> Option<usize> {
-        let all = 0..self.spokes.len();
-        let side = |i: usize| orient(self.centre, self.spokes[i % all.len()].end, point);
-        let is_inner = |i: usize| self.spokes[i].search.is_some();
-        let is_in = |i: &usize| is_inner(*i) && side(*i) >= 0 && side(i + 1) < 0;
         if point == self.centre {
             return None;
         }
+        let all = 0..self.spokes.len();
         // A point on the last spoke before a gap in the fan is on no left side of a later one.
-        let is_on_end = |i: &usize| is_inner(*i) && side(*i) > 0 && side(i + 1) == 0;
-        all.clone().find(is_in).or_else(|| all.clone().find(is_on_end))
+        let is_on_end = |i: &usize| {
+            let is_inner = self.spokes[*i].search.is_some();
+            is_inner && self.side(*i, point) > 0 && self.side(i + 1, point) == 0
+        };
+        all.clone().find(|i| self.is_in(*i, point)).or_else(|| all.clone().find(is_on_end))
     }
 }
 
@@ -123,6 +139,8 @@ mod tests {
             for point in (0..3600).map(|i| [i % 60, i / 60]) {
                 let (at_once, one_by_one) = (fan.at_once(point), fan.find(point));
                 prop_assert!(at_once.is_none() || at_once == one_by_one, "{point:?} {fan:?}");
+                let found_by = fan.search_of(Point::new(point[0], point[1], 0)).map(|s| s.worst.triangle);
+                prop_assert_eq!(found_by, one_by_one.map(|i| fan.spokes[i].triangle));
                 found += usize::from(at_once.is_some());
                 let triangles = fan.spokes.iter().filter_map(|spoke| Some(spoke.search?.corners));
                 for corners in triangles {

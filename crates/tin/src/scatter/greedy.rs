@@ -14,10 +14,10 @@ use terrane_base::geom::Point;
 
 /// A triangle's point with the largest distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Candidate {
+pub(super) struct Candidate {
     distance: f64,
     point: u32,
-    triangle: u32,
+    pub(super) triangle: u32,
 }
 
 impl Candidate {
@@ -194,7 +194,7 @@ pub(super) struct Search {
     pub(super) corners: [Point; 3],
     plane: Plane,
     /// So far.
-    worst: Candidate,
+    pub(super) worst: Candidate,
 }
 
 impl Search {
@@ -208,8 +208,12 @@ impl Search {
     fn see(&mut self, number: u32, point: Point, tolerance: f64) {
         let distance = self.plane.distance(point);
         let doubt = self.plane.doubt(distance);
+        // Few points are as far off as the worst so far.
+        if distance < self.worst.distance || distance <= tolerance - doubt {
+            return;
+        }
         let found = Candidate { distance, point: number, ..self.worst };
-        if distance > tolerance - doubt && found > self.worst {
+        if found > self.worst {
             let is_beyond = distance > tolerance + doubt || exceeds(self.corners, point, tolerance);
             self.worst = if is_beyond { found } else { self.worst };
         }
