@@ -17,8 +17,8 @@ use terrane_tin::scatter::{Fit, Mesh};
 /// Rounds in which samples that are found beyond the error are put into the mesh.
 const MOST_ROUNDS: u32 = 32;
 
-/// Points that a thread keeps room for from one tile to the next.
-const MOST_KEPT: usize = 1 << 16;
+/// Points that a thread keeps room for from one tile to the next: more than most tiles have.
+const MOST_KEPT: usize = 1 << 17;
 
 thread_local! {
     /// Room for the points of a tile: to have it anew for each costs more than to fill it.

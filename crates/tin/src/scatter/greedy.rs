@@ -223,7 +223,7 @@ impl Search {
 /// The plane through a triangle's corners, for distances in `f64`.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
-    origin: Point,
+    origin: [f64; 3],
     slope: [f64; 2],
     /// Relative error of a distance is below this, with the size of what was added up.
     reach: f64,
@@ -239,13 +239,14 @@ impl Plane {
                 + slope[1].abs() * d[1].abs() as f64
                 + d[2].abs() as f64
         };
-        Self { origin: a, slope, reach: reach([bx, by, bz]).max(reach([cx, cy, cz])) }
+        Self { origin: floats(a), slope, reach: reach([bx, by, bz]).max(reach([cx, cy, cz])) }
     }
 
     /// Vertical distance of a point, in steps.
     #[inline]
     fn distance(&self, point: Point) -> f64 {
-        let [x, y, z] = from(self.origin, point).map(|d| d as f64);
+        let point = floats(point);
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|i| point[i] - self.origin[i]);
         (z - self.slope[0] * x - self.slope[1] * y).abs()
     }
 
@@ -255,6 +256,11 @@ impl Plane {
     fn doubt(&self, distance: f64) -> f64 {
         16.0 * f64::EPSILON * (self.reach + distance)
     }
+}
+
+#[inline(always)]
+fn floats(point: Point) -> [f64; 3] {
+    [point.x, point.y, point.z].map(f64::from)
 }
 
 pub(super) fn from(a: Point, b: Point) -> [i64; 3] {
