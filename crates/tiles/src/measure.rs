@@ -159,9 +159,7 @@ impl Shell {
     /// Measures samples, each as [`add`](Self::add) does.
     pub fn add_run(&mut self, run: &Run<'_>, tolerance: f64) {
         match run {
-            Run::Row(row) if row.stride == 1 && row.parallel.lat.abs() < 90.0 => {
-                self.add_row(row, tolerance)
-            }
+            Run::Row(row) if row.stride == 1 => self.add_row(row, tolerance),
             _ => run.each(&mut |sample| self.add(sample, tolerance)),
         }
     }

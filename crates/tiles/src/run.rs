@@ -53,6 +53,11 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
+    /// How many samples there are.
+    pub(crate) fn len(&self) -> usize {
+        self.heights.len().div_ceil(self.stride)
+    }
+
     /// Columns and heights of its samples.
     #[inline]
     pub(crate) fn iter(&self) -> impl Iterator<Item = (&'a Column, f64)> + use<'a> {

@@ -162,11 +162,11 @@ impl<'a> Builder<'a> {
     }
 
     /// The candidates of a row of samples, as if each were taken for itself. `columns` is what was found of those of
-    /// the row before, which are the same.
+    /// the row before, which are mostly the same.
     fn candidates(&mut self, row: &Row<'_>, columns: &mut Vec<Meridian>, points: &mut Vec<Point>) {
         let steps = |column: &Column| inner(self.id.steps([column.lon, row.parallel.lat]));
         let Some((first, _)) = row.iter().next() else { return };
-        if columns.first().is_none_or(|known| known.lon != first.lon) {
+        if columns.len() != row.len() || columns[0].lon != first.lon {
             let meridian = |(column, _): (&Column, f64)| {
                 let [u, _] = steps(column);
                 Meridian { lon: column.lon, u, cosine: self.drop.cosine(u) }

@@ -185,8 +185,18 @@ proptest! {
         for id in land.tiles(number) {
             let bounds = id.bounds();
             let [mut rows, mut samples] = [0; 2].map(|_| Builder::new(id, &level, &patch).unwrap());
-            rows.fit(|take| patch.runs(&bounds, level.stride, &mut |run| take(run)));
-            samples.fit(|take| patch.each(&bounds, level.stride, &mut |sample| take(Run::One(sample))));
+            let middle = bounds.west + (bounds.east - bounds.west) * fine / 2.0;
+            let parts = [Bounds { west: middle, ..bounds }, Bounds { east: middle, ..bounds }, bounds];
+            rows.fit(|take| {
+                for part in &parts {
+                    patch.runs(part, level.stride, &mut |run| take(run));
+                }
+            });
+            samples.fit(|take| {
+                for part in &parts {
+                    patch.each(part, level.stride, &mut |sample| take(Run::One(sample)));
+                }
+            });
             prop_assert_eq!(rows.finish(Measure::default()), samples.finish(Measure::default()));
             let tolerance = level.tolerance * fine;
             let [mut by_rows, mut one_by_one] = [0; 2].map(|_| rows.shell());
