@@ -412,6 +412,7 @@ fn jobs() -> Vec<String> {
     }
     let found = "--dtm --ground filter";
     add(format!("plan grid ../in/steep.laz -o w --cell 1.5 {found} then run w -o o.tif"));
+    add("plan tin ../in/dense.laz -o w --max-error 0.5 then run w -o o.ply".into());
     add("plan points ../in/dense.laz -o w --tile 25 --buffer 2 --cut 1 then run w -o o".into());
     jobs
 }

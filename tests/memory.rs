@@ -187,6 +187,8 @@ fn make_inputs(place: &Place) {
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
     place.ok(&["line", "walk.fgb", "walked.fgb", "--tolerance", "5", "-q"]);
     place.ok(&["plan", "tin", "dem.tif", "-o", "tin.plan", "--max-error", "0.5"]);
+    let cloud = ["plan", "tin", "dense.laz", "-o", "cloud.plan", "--max-error", "0.5"];
+    place.ok(&[&cloud[..], &["--cut", "200000"]].concat());
     // The same samples, a second of arc apart.
     for (grid, name, side) in [("dem.tif", "globe", terrain), ("large.tif", "wide", 2817)] {
         place.ok(&["convert", grid, &format!("{name}.flt"), "-q"]);
@@ -288,6 +290,7 @@ const JOBS: &[&str] = &[
     "synth rough,size=1025 o.tif",
     "synth cloud,size=200 o.laz",
     "run tin.plan",
+    "run cloud.plan",
     "tiles globe.flt o1",
     "tiles wide.flt o2 --max-level 4",
     "verify tiles globe.flt",

@@ -30,7 +30,7 @@ fn place() -> Place {
 const BAD: [&str; 3] = ["c/empty.laz", "c/foreign.laz", "c/truncated.laz"];
 
 /// What is made of the others; a plan where there are two commands.
-const VERBS: [&[&[&str]]; 11] = [
+const VERBS: [&[&[&str]]; 13] = [
     &[&["points", "c", "out.laz"]],
     &[&["points", "c", "out.copc.laz", "--thin", "2:lowest"]],
     &[&["points", "c", "out", "--tile", "30", "--buffer", "4"]],
@@ -56,6 +56,8 @@ const VERBS: [&[&[&str]]; 11] = [
         &["run", "w"],
     ],
     &[&["tin", "c", "out.ply", "--max-error", "1"]],
+    &[&["tin", "c", "out.ply", "--max-error", "1", "--workdir", "w"]],
+    &[&["plan", "tin", "c", "-o", "w", "--max-error", "1"], &["run", "w"]],
     &[&["tiles", "c", "out", "--cell", "5"]],
 ];
 

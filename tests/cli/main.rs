@@ -29,6 +29,7 @@ mod many;
 mod mosaic;
 mod parts;
 mod pipes;
+mod plan_cloud;
 mod plan_grid;
 mod plan_matrix;
 mod points;

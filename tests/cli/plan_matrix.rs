@@ -27,7 +27,7 @@ struct Kind {
     output: &'static str,
 }
 
-const KINDS: [Kind; 5] = [
+const KINDS: [Kind; 6] = [
     Kind {
         name: "tin",
         verb: "tin",
@@ -54,6 +54,15 @@ const KINDS: [Kind; 5] = [
         cut: ["--tile", "256"],
         ending: "tif",
         output: "grid.tif",
+    },
+    Kind {
+        name: "cloud",
+        verb: "tin",
+        input: "synth:cloud,size=520,density=0.6,seed=5",
+        how: &["--max-error", "0.7"],
+        cut: ["--cut", "131072"],
+        ending: "ply",
+        output: "mesh.ply",
     },
     Kind {
         name: "tiles",
@@ -437,7 +446,7 @@ fn a_mistyped_folder_makes_no_folder() {
         }
         assert_eq!(work.status()["done"], 0, "told before the work");
     }
-    for kind in [&KINDS[0], &KINDS[3], &KINDS[4]] {
+    for kind in KINDS.iter().filter(|kind| kind.verb != "grid") {
         let whole = format!("whole.{}", kind.ending);
         let single = [&kind.single(&whole)[..], &["--workdir", "tpyo/work"]].concat();
         kind.place().fails(&single, 73, &["tpyo/work", "make tpyo first"]);
@@ -502,7 +511,18 @@ fn the_disk_that_a_plan_expects_is_what_it_takes() {
         place.ok(&[&["plan", "tiles", "dem.asc", "-o", "work", "-q"], how].concat());
         (format!("tiles of {side} {how:?}"), ratios(&place, "tiles"))
     };
+    let cloud = |error: &str, format: &str| {
+        let place = Place::new();
+        place.ok(&["synth", "cloud,size=900,density=0.7,seed=3", "c.laz", "-q"]);
+        let how = ["--max-error", error, "--format", format, "-q"];
+        place.ok(&[&["plan", "tin", "c.laz", "-o", "work"], &how[..]].concat());
+        let ending = format.to_lowercase();
+        (format!("cloud {error} {format}"), ratios(&place, &format!("mesh.{ending}")))
+    };
     for (what, found) in [
+        cloud("0.2", "PLY"),
+        cloud("2", "OBJ"),
+        cloud("0", "PLY"),
         points(&["--tile", "150"]),
         points(&["--tile", "200", "--buffer", "20", "--class", "2", "--tile-format", "las"]),
         tiles(1500, &[]),

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Submits what is to do of a terrane plan to Slurm, as jobs that wait for each other: an array for each kind
-# of task (of a mesh the strips and the seams, of a grid its tiles, of points their squares), and the result.
+# of task (of a mesh the strips and the seams, of a cloud's mesh its rounds, of a grid its tiles, of points their squares), and the result.
 #
 #     terrane-slurm.sh WORKDIR [OPTION OF sbatch...] [-- OPTION OF terrane run...]
 #
@@ -53,7 +53,7 @@ share() {
 
 echo "$status" >"$lists/status.json"
 # Kinds of tasks, in an order in which they can be done.
-kinds="strip seam tile look near far squares"
+kinds="strip seam choose prove again tile look near far squares"
 for kind in $kinds finish; do
   # Names stand in "id", those of others they wait for elsewhere.
   { grep -oE "\"id\": *\"$kind[-0-9]*\"" "$lists/status.json" || true; } | cut -d '"' -f 4 >"$lists/$kind"

@@ -225,6 +225,25 @@ impl Cloud {
         points::plan(py, &self.0, (folder, &asked, cut), settings)
     }
 
+    fn plan_tin(
+        &self,
+        py: Python<'_>,
+        folder: PathBuf,
+        max_error: f64,
+        format: Option<String>,
+        cut: Option<u32>,
+        settings: Settings,
+    ) -> PyResult<Plan> {
+        let make = |machine: &Machine| {
+            let mut builder = with_machine!(self.0.tin().max_error(max_error), machine);
+            if let Some(format) = format {
+                builder = builder.format(format);
+            }
+            builder.plan(folder, cut)
+        };
+        run(py, settings, make).map(Plan)
+    }
+
     fn write_tin<'py>(
         &self,
         py: Python<'py>,

@@ -23,10 +23,16 @@ SLURM = TESTS.parents[1] / "slurm" / "terrane-slurm.sh"
 INPUTS = {
     "tin": ["tin", "synth:rough,width=1500,height=3000,seed=3", "--max-error", "0.4", "--tile", "128"],
     "grid": ["grid", "synth:cloud,size=1100,density=1,seed=3", "--cell", "1", "--stat", "tin,mean"],
+    "cloud": ["tin", "synth:cloud,size=700,density=1,seed=3", "--max-error", "0.6"],
     "points": ["points", "cloud.laz", "--tile", "60", "--height-above-ground", "--buffer", "9"],
 }
-MORE = {"tin": ["--strip-rows", "2"], "grid": ["--tile", "256"], "points": ["--cut", "2"]}
-OUTPUT = {"tin": "mesh.ply", "grid": "grid.tif", "points": "points"}
+MORE = {
+    "tin": ["--strip-rows", "2"],
+    "grid": ["--tile", "256"],
+    "cloud": ["--cut", "131072"],
+    "points": ["--cut", "2"],
+}
+OUTPUT = {"tin": "mesh.ply", "grid": "grid.tif", "cloud": "mesh.ply", "points": "points"}
 
 
 def contents(output: Path) -> list[tuple[str, bytes]]:

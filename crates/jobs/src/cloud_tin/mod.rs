@@ -224,17 +224,18 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let features = Features::read_for_cloud(points, lines, &job.resources)?;
-    let mut report = make(job, &*source, features, format, At { progress, cancel })?;
+    let mut report =
+        make(job, &*source, (features, format), REGION_POINTS, At { progress, cancel })?;
     report.of_source(&*source, &Losses::of(&*source), started);
     Ok(report)
 }
 
-/// Triangulates any source of points into the job's output.
+/// Triangulates any source of points into the job's output, in regions of so many points at the most.
 pub(super) fn make(
     job: &CloudTinJob,
     source: &dyn PointSource,
-    features: Features,
-    format: &'static MeshFormat,
+    (features, format): (Features, &'static MeshFormat),
+    most: u64,
     at: At<'_>,
 ) -> Result<CloudTinReport> {
     let ready = Ready::new((job, &job.inputs.join(" ")), source.info(), features, format)?;
@@ -247,7 +248,7 @@ pub(super) fn make(
     }
     let mut lines = Lines::new(kept, hull.clone(), points.tiling());
     let followed = kept.followed(|line| lines.is_outside(line), 0)?;
-    let regions = Regions::new(&points, &lines.by_square(points.tiling()), REGION_POINTS);
+    let regions = Regions::new(&points, &lines.by_square(points.tiling()), most);
     lines.divide(&regions, points.tiling());
     let nearest = nearest_points(kept, &points, &hull, ready.bounds)?;
     let count = nearest.points.len() as u64;

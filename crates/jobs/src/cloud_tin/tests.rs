@@ -1,6 +1,7 @@
 //! Regions against the whole, and against the brute force of looking at every point.
 
 mod lines;
+mod plans;
 
 use super::ready::in_steps;
 use super::*;
@@ -233,7 +234,8 @@ fn few_points_and_lines_have_no_surface() {
         let job = CloudTinJob::new(vec![], output, 1.0, Resources::default());
         let format = mesh::by_path(&job.output, None).unwrap();
         let at = At { progress: &Silent, cancel: &Cancel::default() };
-        let error = make(&job, &source, Features::default(), format, at).unwrap_err();
+        let error =
+            make(&job, &source, (Features::default(), format), REGION_POINTS, at).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         assert!(!job.output.exists());
     }

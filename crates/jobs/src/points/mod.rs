@@ -109,7 +109,7 @@ impl PointStore {
 
     /// The same store with the points of a cloud, read once.
     pub(crate) fn filled(self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Self> {
-        self.filled_and(source, filling, &|_| ())
+        self.filled_and(source, filling, &|_| Ok(()))
     }
 
     /// The same; the points are handed to `also`, too.
@@ -117,10 +117,10 @@ impl PointStore {
         self,
         source: &dyn PointSource,
         filling: &Filling<'_>,
-        also: &(dyn Fn(&[Point]) + Sync),
+        also: &(dyn Fn(&[Point]) -> Result<()> + Sync),
     ) -> Result<Self> {
         let add = |points: &[Point]| {
-            also(points);
+            also(points)?;
             self.add(points)
         };
         let census = self.read_all(source, filling, &|batch| match filling.within {

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     )
     from terrane._lines import Lines, contour, simplify
     from terrane._mesh import Mesh
-    from terrane._plans import Plan, open_plan, plan
+    from terrane._plans import Plan, open_plan, plan, plan_cloud_tin
     from terrane._points import plan_points, points
     from terrane._terrane import __version__
     from terrane._tiles import tiles
@@ -55,7 +55,7 @@ _WHERE = {
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
     "_lines": "Lines contour simplify",
     "_mesh": "Mesh",
-    "_plans": "Plan open_plan plan",
+    "_plans": "Plan open_plan plan plan_cloud_tin",
     "_points": "plan_points points",
     "_terrane": "__version__",
     "_tiles": "tiles",
@@ -100,6 +100,7 @@ __all__ = [
     "grid",
     "open_plan",
     "plan",
+    "plan_cloud_tin",
     "plan_points",
     "points",
     "simplify",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from typing import Any
 
 from terrane import _terrane
@@ -159,3 +160,31 @@ def plan(
     )
     source = grid_of(src, band=band, nodata=nodata, clip=clip, water=water)
     return Plan(source.plan_tin(os.fspath(folder), mesh, format, cut, run))
+
+
+def plan_cloud_tin(
+    points: Any,
+    folder: Path,
+    max_error: float,
+    *,
+    classes: Iterable[int] | None = None,
+    cut: int | None = None,
+    format: str | None = None,
+    threads: int | None = None,
+    memory: int | str | None = None,
+    progress: Any = None,
+) -> Plan:
+    """Writes down in a folder how the mesh of points in files is made, which is, byte for byte, that of `write_cloud_tin`.
+    `cut` is the most points of a task, but for the few that are worked on together.
+
+    >>> import os, tempfile, terrane
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     work, mesh = (os.path.join(folder, name) for name in ("work", "mesh.ply"))
+    ...     plan = terrane.plan_cloud_tin("synth:cloud,size=60,density=2", work, 0.5)
+    ...     done = plan.run(output=mesh)
+    ...     terrane.verify_cloud(mesh, "synth:cloud,size=60,density=2").ok, plan.status()["to_do"]
+    (True, [])
+    """
+    run = settings(threads, memory, progress)
+    cloud = cloud_of(points, classes=classes)
+    return Plan(cloud.plan_tin(os.fspath(folder), max_error, format, cut, run))

@@ -146,6 +146,14 @@ class Cloud:
         overwrite: bool,
         settings: Settings,
     ) -> dict[str, Any]: ...
+    def plan_tin(
+        self,
+        folder: str,
+        max_error: float,
+        format: str | None,
+        cut: int | None,
+        settings: Settings,
+    ) -> Plan: ...
     def plan_points(
         self, folder: str, asked: dict[str, Any], cut: int | None, settings: Settings
     ) -> Plan: ...

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::needs::Sample;
 use super::{CloudTinStatus, PointRun, PointStatus};
 use crate::cloud_tin::choose::{
     BAND, Errors, Look as Seen, Settling, due, first_choice, look_at_all,
@@ -16,7 +17,7 @@ use crate::cloud_tin::lines::Lines;
 use crate::cloud_tin::ready::Ready;
 use crate::cloud_tin::regions::{Region, Regions};
 use crate::cloud_tin::write::write;
-use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, REGION_POINTS, no_surface};
+use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
 use crate::kept::Features;
 use crate::plan::{
     self, At, Digest, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
@@ -124,9 +125,9 @@ pub(super) struct Facts {
 
 /// A plan's cloud and job, opened.
 pub(super) struct Opened {
-    pub(super) job: CloudTinJob,
+    job: CloudTinJob,
     label: String,
-    pub(super) source: Box<dyn PointSource>,
+    source: Box<dyn PointSource>,
 }
 
 impl Opened {
@@ -153,19 +154,25 @@ impl Found {
 impl CloudMesh {
     /// That of an opened job; tasks have `cut` points at the most, but for single regions, or as many as make a fair
     /// piece of work. The points are looked at once.
-    pub(super) fn new(opened: &Opened, cut: Option<u32>, at: At<'_>) -> Result<Self> {
+    /// Regions have `most` points at the most. Returns it with the share of the points that will be vertices, about.
+    pub(super) fn new(
+        opened: &Opened,
+        (cut, most): (Option<u32>, u64),
+        at: At<'_>,
+    ) -> Result<(Self, f64)> {
         let Opened { job, source, label } = opened;
         let (ready, cloud) = (opened.ready()?, Found::of(source.info())?);
         let empty = PointStore::empty(ready.tiling(), ready.folder(), 0).outline();
-        let points = empty.filled(&**source, &ready.filling(at))?;
+        let sample = Sample::new(&ready);
+        let filling = ready.filling(at);
+        let points = empty.filled_and(&**source, &filling, &|batch| sample.take(batch))?;
         let hull = points.hull()?;
         if hull.is_flat() {
             return Err(no_surface());
         }
         let fair = TASK_POINTS.max(2 * source.info().count / MOST_PARTS);
-        let most = cut.map_or(fair, u64::from).max(REGION_POINTS);
-        let regions = Regions::new(&points, &[], REGION_POINTS).all;
-        let blocks = Regions::new(&points, &[], most).all;
+        let regions = Regions::new(&points, &[], most).all;
+        let blocks = Regions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
         let census = *points.census();
         let seen = Whole {
             census,
@@ -182,7 +189,8 @@ impl CloudMesh {
         let method =
             Method { inputs, options: job.options.clone(), format, max_error: job.tolerance };
         let mesh = Self { label: label.clone(), method, cloud, seen };
-        mesh.check().map(|()| mesh)
+        mesh.check()?;
+        Ok((mesh, sample.share(&ready, &hull, at.silent())?))
     }
 
     /// The files it is made from.
@@ -226,23 +234,19 @@ fn parts(regions: &[Region], blocks: Vec<Region>) -> Vec<Part> {
 }
 
 /// What is worked on, in a task or at the end.
-pub(super) struct Desk<'a> {
+struct Desk<'a> {
     mesh: &'a CloudMesh,
     opened: &'a Opened,
-    pub(super) ready: &'a Ready<'a>,
-    pub(super) tiling: Tiling,
-    pub(super) hull: Vec<Point>,
+    ready: &'a Ready<'a>,
+    tiling: Tiling,
+    hull: Vec<Point>,
     regions: Regions,
     lines: Lines<'a>,
     at: At<'a>,
 }
 
 impl<'a> Desk<'a> {
-    pub(super) fn new(
-        mesh: &'a CloudMesh,
-        (opened, ready): (&'a Opened, &'a Ready<'a>),
-        at: At<'a>,
-    ) -> Self {
+    fn new(mesh: &'a CloudMesh, (opened, ready): (&'a Opened, &'a Ready<'a>), at: At<'a>) -> Self {
         let tiling = ready.tiling();
         let hull: Vec<_> = mesh.seen.hull.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
         let regions = Regions::known(&mesh.seen.regions, &tiling);
@@ -285,7 +289,7 @@ impl<'a> Desk<'a> {
     }
 
     /// The vertices that some regions choose among the points around them; all points where all are wanted.
-    pub(super) fn choose(&self, block: &Region, regions: Range<usize>) -> Result<PointStore> {
+    fn choose(&self, block: &Region, regions: Range<usize>) -> Result<PointStore> {
         let band = self.tiling.side() / BAND;
         let points = self.read(block.window(&self.tiling).grown(band), None)?;
         let (work, tolerance) = (self.work(&points, 0)?, self.ready.tolerance());

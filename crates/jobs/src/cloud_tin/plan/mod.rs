@@ -20,7 +20,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{CloudTinJob, CloudTinReport};
+use super::{CloudTinJob, CloudTinReport, REGION_POINTS};
 use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
@@ -56,8 +56,8 @@ pub struct PointRun {
     pub mesh: Option<CloudTinReport>,
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need. The points are looked at once, and a
-/// few regions choose their vertices to tell the size of the result.
+/// Writes down what is to be made, from what, by which tasks, and what they need. The points are looked at once, and
+/// a few squares choose vertices to tell the size of the result.
 ///
 /// # Errors
 /// Those of [`run`](super::run) that are found before the work; `Usage` for points to keep and breaklines, and for a
@@ -67,14 +67,18 @@ pub fn plan_cloud_tin(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudTinStatus> {
+    plan_regions(job, REGION_POINTS, At { progress, cancel })
+}
+
+/// The same in regions of so many points at the most.
+pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Result<CloudTinStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    let at = At { progress, cancel };
     refuse_held(&job.inputs)?;
     refuse_lines(job)?;
     job.check()?;
     let opened = Opened::new(job.clone(), job.inputs.join(" "))?;
-    let mesh = CloudMesh::new(&opened, *cut, at)?;
-    let needs = needs::expect(&opened, &mesh, at)?;
+    let (mesh, share) = CloudMesh::new(&opened, (*cut, most), at)?;
+    let needs = needs::expect(&opened, &mesh, share)?;
     let files = mesh.files(&opened);
     Plan::new(mesh, files, needs, skipped)?.put(folder)?;
     cloud_tin_status(folder)

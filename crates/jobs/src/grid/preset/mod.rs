@@ -350,7 +350,11 @@ impl Model {
         let window = making.surface_window();
         let filling = Filling { within: window, ..making.filling() };
         let store = making.store(&super::neighbours::tiling(source.info()));
-        let all = store.filled_and(&*source, &filling, &|batch| tally.take(batch))?;
+        let take = |batch: &[Point]| {
+            tally.take(batch);
+            Ok(())
+        };
+        let all = store.filled_and(&*source, &filling, &take)?;
         self.take_note(&all);
         self.notes.push(frozen(all.count(), &tally.squares));
         let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
@@ -524,7 +528,10 @@ impl Making<'_> {
     ) -> Result<PointStore> {
         let source = self.source(classes, returns)?;
         let store = self.store(&super::neighbours::tiling(source.info())).outline();
-        store.filled_and(&*source, &self.filling(), also)
+        store.filled_and(&*source, &self.filling(), &|batch| {
+            also(batch);
+            Ok(())
+        })
     }
 
     /// How far pulses are apart in all of the cloud, about, in metres.
