@@ -17,6 +17,8 @@ const MOST_BINS: u64 = 2;
 pub struct Bins {
     window: Window,
     size: i32,
+    /// 2^63 by the size, rounded up: products are quicker than quotients.
+    inverse: u64,
     columns: usize,
     /// Where each bin's points begin; one more than there are bins.
     starts: Vec<u32>,
@@ -45,7 +47,8 @@ impl Bins {
 
     fn sized(window: Window, size: i32) -> Self {
         let [columns, rows] = [0, 1].map(|i| bins_along(&window, i, size) as usize);
-        Self { window, size, columns, starts: vec![0; columns * rows + 1], points: vec![] }
+        let inverse = (1_u64 << 63).div_ceil(size as u64);
+        Self { window, size, inverse, columns, starts: vec![0; columns * rows + 1], points: vec![] }
     }
 
     /// A smaller size, where most bins are empty and the others too full.
@@ -99,12 +102,19 @@ impl Bins {
 
     #[inline(always)]
     fn column(&self, x: i32) -> usize {
-        ((x - self.window.low[0]) as u32 / self.size as u32) as usize
+        self.along((x - self.window.low[0]) as u32)
     }
 
     #[inline(always)]
     fn row(&self, y: i32) -> usize {
-        ((y - self.window.low[1]) as u32 / self.size as u32) as usize
+        self.along((y - self.window.low[1]) as u32)
+    }
+
+    /// Steps, below 2^31, divided by the size and rounded down: the product is too large by less than 2^-32, and what
+    /// is not a whole number is further below the next one.
+    #[inline(always)]
+    fn along(&self, steps: u32) -> usize {
+        ((u128::from(steps) * u128::from(self.inverse)) >> 63) as usize
     }
 
     #[inline(always)]
@@ -277,6 +287,19 @@ mod tests {
             (prop::collection::vec(near, 1..300), prop::collection::vec(any, 0..9))
                 .prop_map(|(near, any)| [near, any].concat())
         })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #[test]
+        fn products_are_quotients(bits in 0_u32..=30, size: u32, bin: u32, beside in 0_u32..3) {
+            let size = (size & ((1 << bits) - 1)) + 1;
+            let bins = Bins::sized(Window { low: [0; 2], high: [0; 2] }, size as i32);
+            // Next to where a bin begins, below 2^31 steps.
+            let most = (1_u32 << 31) - 2;
+            let steps = (bin % (most / size + 1) * size + beside).saturating_sub(1).min(most);
+            prop_assert_eq!(bins.along(steps), (steps / size) as usize);
+        }
     }
 
     #[test]

@@ -154,6 +154,12 @@ pub(crate) fn bend(lat: Turn) -> f64 {
     EQUATOR / (1.0 - ECCENTRICITY * lat.sin * lat.sin).sqrt()
 }
 
+/// Metres north of the centre at which the line that is upright at a latitude meets the axis of the earth.
+#[inline]
+pub(crate) fn beneath(lat: Turn, bend: f64) -> f64 {
+    -bend * ECCENTRICITY * lat.sin
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 
 use crate::chart::Chart;
-use crate::globe::{Turn, Upright, bend};
+use crate::globe::Upright;
+use crate::run::{Column, Parallel, Row, Run};
 use crate::tiling::Bounds;
 use terrane_base::geom::{Affine, Rect};
 
@@ -41,8 +42,13 @@ pub trait Ground {
     /// the heights there, as [`height`](Self::height) has them: in between it is straight.
     fn bends(&self, ends: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>));
 
-    /// Hands on every `stride`-th valid sample in a rectangle, its border included; near ones one after another.
-    fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample));
+    /// Hands on every `stride`-th sample in a rectangle, its border included; near ones one after another.
+    fn runs(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Run<'_>));
+
+    /// The same, of valid ones, each for itself.
+    fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+        self.runs(bounds, stride, &mut |run| run.each(found));
+    }
 }
 
 /// A rectangle of heights of a grid.
@@ -51,15 +57,15 @@ pub struct Patch<'a> {
     heights: &'a [f64],
     rect: Rect,
     chart: &'a Chart,
-    places: Places<'a>,
+    places: Places,
     fill: &'a Fill,
 }
 
 /// Where samples of a patch are.
 #[derive(Clone, Debug)]
-enum Places<'a> {
+enum Places {
     /// Where columns are meridians and rows parallels.
-    Straight { map: &'a Affine, cols: Vec<Turn>, rows: Vec<(Turn, f64)> },
+    Straight { cols: Vec<Column>, rows: Vec<Parallel> },
     /// Found once, row by row.
     Found(Vec<([f64; 2], Upright)>),
     /// Found for each that is asked for.
@@ -76,14 +82,11 @@ impl<'a> Patch<'a> {
         let places = match chart.map() {
             None => Places::Asked,
             Some(map) => {
-                let col = |col: u32| Turn::of(map.apply(f64::from(col), 0.0)[0]);
-                let row = |row: u32| {
-                    let turn = Turn::of(map.apply(0.0, f64::from(row))[1]);
-                    (turn, bend(turn))
-                };
+                let col = |col: u32| Column::new(map.apply(f64::from(col), 0.0)[0]);
+                let row = |row: u32| Parallel::new(map.apply(0.0, f64::from(row))[1]);
                 let cols = (rect.col..rect.col + rect.width).map(col).collect();
                 let rows = (rect.row..rect.row + rect.height).map(row).collect();
-                Places::Straight { map, cols, rows }
+                Places::Straight { cols, rows }
             }
         };
         Self { heights, rect, chart, places, fill }
@@ -119,11 +122,7 @@ impl<'a> Patch<'a> {
     fn sample(&self, col: u32, row: u32, height: f64) -> Sample {
         let [along, down] = [col - self.rect.col, row - self.rect.row].map(|at| at as usize);
         match &self.places {
-            Places::Straight { map, cols, rows } => {
-                let place = map.apply(f64::from(col), f64::from(row));
-                let (lat, bend) = rows[down];
-                Sample { place, height, upright: Upright::of(cols[along], lat, bend) }
-            }
+            Places::Straight { cols, rows } => rows[down].sample(&cols[along], height),
             Places::Found(places) => {
                 let (place, upright) = places[down * self.rect.width as usize + along];
                 Sample { place, height, upright }
@@ -214,21 +213,26 @@ impl Ground for Patch<'_> {
         }
     }
 
-    fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+    fn runs(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Run<'_>)) {
         let [[left, right], [top, bottom]] = self.ranges(bounds);
-        let is_bent = self.chart.map().is_none();
-        let wanted =
-            |from: u32, to: u32| (from.next_multiple_of(stride)..to).step_by(stride as usize);
-        for row in wanted(top, bottom) {
+        let left = left.next_multiple_of(stride);
+        if left >= right {
+            return;
+        }
+        let [from, to] = [left, right].map(|col| (col - self.rect.col) as usize);
+        for row in (top.next_multiple_of(stride)..bottom).step_by(stride as usize) {
             let down = (row - self.rect.row) as usize;
-            let line = &self.heights[down * self.rect.width as usize..][..self.rect.width as usize];
-            for col in wanted(left, right) {
-                let height = line[(col - self.rect.col) as usize];
-                if height.is_finite() {
-                    let sample = self.sample(col, row, height);
-                    if !is_bent || bounds.holds(sample.place) {
-                        found(sample);
-                    }
+            let line = &self.heights[down * self.rect.width as usize..][from..to];
+            if let Places::Straight { cols, rows } = &self.places {
+                let (parallel, columns) = (rows[down], &cols[from..to]);
+                found(Run::Row(Row { parallel, columns, heights: line, stride: stride as usize }));
+                continue;
+            }
+            let samples = (left..right).zip(line).step_by(stride as usize);
+            for (col, height) in samples.filter(|(_, height)| height.is_finite()) {
+                let sample = self.sample(col, row, *height);
+                if bounds.holds(sample.place) {
+                    found(Run::One(sample));
                 }
             }
         }

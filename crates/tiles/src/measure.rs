@@ -3,8 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::globe::{POLE, Vector};
+use crate::globe::{POLE, Turn, Vector, beneath};
 use crate::ground::Sample;
+use crate::run::{Column, Parallel, Row, Run};
 use crate::surface::Vertex;
 use crate::tiling::{STEPS, TileId};
 
@@ -42,6 +43,55 @@ struct Facet {
     /// At right angles to it; its length is twice the area.
     across: Vector,
     twins: [u32; 3],
+}
+
+/// Metres that all that is rounded is far below.
+const HAIR: f64 = 1e-6;
+
+/// A triangle above a parallel. A sample there lies on the line through it along what is upright, which meets the axis
+/// of the earth at one place for all of the parallel. Seen from there, each side and the triangle itself are planes
+/// through the origin or beside it: which side of them a sample is on is a sum of three products.
+struct Strip {
+    /// What the cosine and the sine of a longitude are multiplied by, and what is added: of each side, where samples
+    /// within are positive by more than is rounded; and of the triangle, how steep it is.
+    along: [[f64; 4]; 3],
+    /// How far the triangle is from the place on the axis, by how steep it is.
+    plane: f64,
+    /// What may be rounded of that.
+    doubt: f64,
+    bend: f64,
+}
+
+impl Strip {
+    /// Of samples that are within `tolerance` metres of the triangle.
+    fn new(facet: &Facet, parallel: &Parallel, tolerance: f64) -> Self {
+        let Facet { corners, across, .. } = facet;
+        let Parallel { turn: lat, bend, .. } = *parallel;
+        let axis = Vector([0.0, 0.0, beneath(lat, bend)]);
+        let sides = [0, 1, 2].map(|k| corners[(k + 2) % 3] - corners[(k + 1) % 3]);
+        let longest = sides.iter().fold(0.0_f64, |longest, side| longest.max(side.length()));
+        let slack = HAIR * (longest + tolerance);
+        let side = |k: usize| (corners[(k + 1) % 3] - axis).cross(sides[k]).0;
+        let planes = [side(0), side(1), side(2), across.0];
+        let less = [slack, slack, slack, 0.0];
+        let along = [
+            planes.map(|plane| plane[0] * lat.cos),
+            planes.map(|plane| plane[1] * lat.cos),
+            std::array::from_fn(|i| planes[i][2] * lat.sin - less[i]),
+        ];
+        let plane = across.dot(corners[0] - axis);
+        Self { along, plane, doubt: HAIR * across.length(), bend }
+    }
+
+    /// Whether a sample surely lies in the triangle and less than `limit` metres from it.
+    #[inline]
+    fn is_near(&self, lon: Turn, height: f64, limit: f64) -> bool {
+        let [x, y, z] = &self.along;
+        let [a, b, c, steep]: [f64; 4] =
+            std::array::from_fn(|i| x[i] * lon.cos + y[i] * lon.sin + z[i]);
+        let off = (self.plane - (self.bend + height) * steep).abs();
+        (a > 0.0) & (b > 0.0) & (c > 0.0) & (off < limit * steep - self.doubt)
+    }
 }
 
 /// The surface of a tile.
@@ -104,6 +154,44 @@ impl Shell {
         if off > tolerance {
             self.note(facet, off, sample);
         }
+    }
+
+    /// Measures samples, each as [`add`](Self::add) does.
+    pub fn add_run(&mut self, run: &Run<'_>, tolerance: f64) {
+        match run {
+            Run::Row(row) if row.stride == 1 => self.add_row(row, tolerance),
+            _ => run.each(&mut |sample| self.add(sample, tolerance)),
+        }
+    }
+
+    /// Most samples lie in the triangle of the one before and are nearer to it than another was: they are only counted.
+    fn add_row(&mut self, row: &Row<'_>, tolerance: f64) {
+        let mut from = 0;
+        while let Some(column) = row.columns.get(from) {
+            let height = row.heights[from];
+            from += 1;
+            if height.is_finite() {
+                self.add(row.parallel.sample(column, height), tolerance);
+                let near =
+                    self.near(&row.parallel, &row.columns[from..], &row.heights[from..], tolerance);
+                self.measure.samples += near as u64;
+                from += near;
+            }
+        }
+    }
+
+    /// How many samples after the last one need not be looked at.
+    fn near(
+        &self,
+        parallel: &Parallel,
+        columns: &[Column],
+        heights: &[f64],
+        tolerance: f64,
+    ) -> usize {
+        let strip = Strip::new(&self.facets[self.last as usize], parallel, tolerance);
+        let limit = tolerance.min(self.measure.largest);
+        let samples = columns.iter().zip(heights);
+        samples.take_while(|(column, height)| strip.is_near(column.turn, **height, limit)).count()
     }
 
     /// A pole is one place with as many heights as there are vertices: the furthest counts.

@@ -8,6 +8,7 @@ use crate::globe::{Turn, Upright, Vector, bend};
 use crate::ground::{Ground, Sample};
 use crate::level::{Level, shallower};
 use crate::measure::{Measure, Shell};
+use crate::run::{Column, Row, Run};
 use crate::tiling::{STEPS, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
@@ -16,8 +17,8 @@ use terrane_tin::scatter::{Fit, Mesh};
 /// Rounds in which samples that are found beyond the error are put into the mesh.
 const MOST_ROUNDS: u32 = 32;
 
-/// Points that a thread keeps room for from one tile to the next.
-const MOST_KEPT: usize = 1 << 16;
+/// Points that a thread keeps room for from one tile to the next: more than most tiles have.
+const MOST_KEPT: usize = 1 << 17;
 
 thread_local! {
     /// Room for the points of a tile: to have it anew for each costs more than to fill it.
@@ -62,6 +63,20 @@ fn point(id: TileId, (step, lattice): (f64, Option<f64>), vertex: Vertex) -> Vec
     lattice.map_or(point, |lattice| point.rounded(lattice))
 }
 
+/// Where the samples of a column are in a tile.
+struct Meridian {
+    lon: f64,
+    /// Steps from the west.
+    u: i32,
+    /// Of how far it is from the middle.
+    cosine: f64,
+}
+
+/// The nearest position that is not on a border, which is not this tile's alone.
+fn inner(place: [f64; 2]) -> [i32; 2] {
+    place.map(|at| nearest(at).clamp(1, STEPS - 1))
+}
+
 /// A tile that is being made.
 pub struct Builder<'a> {
     id: TileId,
@@ -83,10 +98,10 @@ impl<'a> Builder<'a> {
                 first.push(Vertex { at: side.position(along), height });
             }
         }
-        let inner = |part: u32| border::along(part, level.posts);
+        let post = |part: u32| border::along(part, level.posts);
         for row in 1..level.posts {
             for col in 1..level.posts {
-                let at = [inner(col), inner(row)];
+                let at = [post(col), post(row)];
                 let place = id.place(at);
                 let height = ground.height(place);
                 let height = level.steps(height.unwrap_or_else(|| ground.filled(place)));
@@ -108,11 +123,15 @@ impl<'a> Builder<'a> {
 
     /// Takes samples for vertices until all that are handed on, each with its place rounded, are within the
     /// level's error.
-    pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(Sample))) {
+    pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(Run<'_>))) {
         let mut points = POINTS.take();
         points.clear();
-        samples(&mut |sample| {
-            points.push(self.candidate(self.id.steps(sample.place), sample.height))
+        let mut columns = Vec::new();
+        samples(&mut |run| match run {
+            Run::Row(row) => self.candidates(&row, &mut columns, &mut points),
+            Run::One(Sample { place, height, .. }) => {
+                points.push(self.candidate(self.id.steps(place), height))
+            }
         });
         let goal = self.level.goal() / self.level.unit();
         Fit::new(&mut self.mesh, &points, goal).run();
@@ -139,9 +158,33 @@ impl<'a> Builder<'a> {
     }
 
     fn candidate(&mut self, place: [f64; 2], height: f64) -> Point {
-        // The borders are not this tile's alone.
-        let at = place.map(|at| nearest(at).clamp(1, STEPS - 1));
-        self.drop.lift(Vertex { at, height: self.level.steps(height) })
+        self.drop.lift(Vertex { at: inner(place), height: self.level.steps(height) })
+    }
+
+    /// The candidates of a row of samples, as if each were taken for itself. `columns` is what was found of those of
+    /// the row before, which are mostly the same.
+    fn candidates(&mut self, row: &Row<'_>, columns: &mut Vec<Meridian>, points: &mut Vec<Point>) {
+        let steps = |column: &Column| inner(self.id.steps([column.lon, row.parallel.lat]));
+        let Some((first, _)) = row.iter().next() else { return };
+        if columns.len() != row.len() || columns[0].lon != first.lon {
+            let meridian = |(column, _): (&Column, f64)| {
+                let [u, _] = steps(column);
+                Meridian { lon: column.lon, u, cosine: self.drop.cosine(u) }
+            };
+            columns.clear();
+            columns.extend(row.iter().map(meridian));
+        }
+        let [_, v] = steps(first);
+        // Both are powers of two, so that a product is what a quotient would be.
+        let [by_step, by_unit] = [self.level.step, self.level.unit()].map(|size| 1.0 / size);
+        let units = self.level.step * by_unit;
+        let [add, by] = self.drop.along(v);
+        let centre = self.drop.centre;
+        let samples = row.iter().zip(&*columns).filter(|((_, height), _)| height.is_finite());
+        points.extend(samples.map(|((_, height), Meridian { u, cosine, .. })| {
+            let drop = ((add + by * cosine) - centre) * by_unit;
+            Point::new(*u, v, nearest(f64::from(nearest(height * by_step)) * units + drop))
+        }));
     }
 
     /// The surface as it is, to measure samples against.
@@ -186,10 +229,10 @@ impl<'a> Builder<'a> {
 pub fn build(id: TileId, level: &Level, ground: &impl Ground) -> Result<Tile> {
     let bounds = id.bounds();
     let mut builder = Builder::new(id, level, ground)?;
-    builder.fit(|each| ground.each(&bounds, level.stride, &mut |sample| each(sample)));
+    builder.fit(|take| ground.runs(&bounds, level.stride, &mut |run| take(run)));
     for _ in 0..MOST_ROUNDS {
         let mut shell = builder.shell();
-        ground.each(&bounds, 1, &mut |sample| shell.add(sample, level.tolerance));
+        ground.runs(&bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
         let (measure, beyond) = shell.end();
         if beyond.is_empty() {
             return Ok(builder.finish(measure));
@@ -246,12 +289,23 @@ impl Drop {
 
     /// Units that the ellipsoid lies above the plane, which is never more than none.
     fn of(&mut self, at: [i32; 2]) -> f64 {
-        let [lon, lat] = self.id.place(at);
-        if self.row.0 != at[1] {
-            self.row = (at[1], self.terms(Turn::of(lat)));
+        let ([add, by], cosine) = (self.along(at[1]), self.cosine(at[0]));
+        ((add + by * cosine) - self.centre) / self.unit
+    }
+
+    /// What a row adds, and what is multiplied by the cosine along it.
+    fn along(&mut self, v: i32) -> [f64; 2] {
+        if self.row.0 != v {
+            let [_, lat] = self.id.place([0, v]);
+            self.row = (v, self.terms(Turn::of(lat)));
         }
-        let [add, by] = self.row.1;
-        ((add + by * cosine((lon - self.lon).to_radians())) - self.centre) / self.unit
+        self.row.1
+    }
+
+    /// The cosine of how far a column is from the middle.
+    fn cosine(&self, u: i32) -> f64 {
+        let [lon, _] = self.id.place([u, 0]);
+        cosine((lon - self.lon).to_radians())
     }
 
     fn lift(&mut self, vertex: Vertex) -> Point {

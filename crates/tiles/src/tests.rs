@@ -171,6 +171,46 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    /// To the bit, whatever a tolerance leaves beyond, voids and poles included.
+    #[test]
+    fn rows_are_measured_and_taken_as_their_samples_are(
+        side in 12_u32..120, south in -90.0..89.9_f64, relief in 0.0..3000.0_f64, seed: u32,
+        voids in prop_oneof![Just(0), 0_u32..40_000], number in 0_u8..=15, fine in 0.001..2.0_f64,
+    ) {
+        let land = Land::new(side, south.min(90.0 - f64::from(side - 1) / 3600.0), relief, seed, voids);
+        let (level, patch) = (land.level(number), land.patch());
+        for id in land.tiles(number) {
+            let bounds = id.bounds();
+            let [mut rows, mut samples] = [0; 2].map(|_| Builder::new(id, &level, &patch).unwrap());
+            let middle = bounds.west + (bounds.east - bounds.west) * fine / 2.0;
+            let parts = [Bounds { west: middle, ..bounds }, Bounds { east: middle, ..bounds }, bounds];
+            rows.fit(|take| {
+                for part in &parts {
+                    patch.runs(part, level.stride, &mut |run| take(run));
+                }
+            });
+            samples.fit(|take| {
+                for part in &parts {
+                    patch.each(part, level.stride, &mut |sample| take(Run::One(sample)));
+                }
+            });
+            prop_assert_eq!(rows.finish(Measure::default()), samples.finish(Measure::default()));
+            let tolerance = level.tolerance * fine;
+            let [mut by_rows, mut one_by_one] = [0; 2].map(|_| rows.shell());
+            patch.runs(&bounds, 1, &mut |run| by_rows.add_run(&run, tolerance));
+            patch.each(&bounds, 1, &mut |sample| one_by_one.add(sample, tolerance));
+            let [found, expected] = [by_rows, one_by_one].map(|shell| {
+                let (measure, beyond) = shell.end();
+                (measure, beyond.iter().map(|sample| (sample.place, sample.height)).collect::<Vec<_>>())
+            });
+            prop_assert_eq!(found, expected);
+        }
+    }
+}
+
 /// Borders belong to two tiles: a sample at one, however far off, becomes a vertex beside it.
 #[test]
 fn samples_at_borders_do_not_become_vertices_of_them() {
@@ -189,7 +229,7 @@ fn samples_at_borders_do_not_become_vertices_of_them() {
         for side in Side::ALL {
             let sample = Sample::new(id.place(side.position(along)), 8000.0);
             builder.insert(&[sample]);
-            builder.fit(|each| each(sample));
+            builder.fit(|take| take(Run::One(sample)));
         }
         let after = finished(&builder);
         assert!(after.vertices.len() > before.vertices.len());

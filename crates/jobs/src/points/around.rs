@@ -28,12 +28,7 @@ impl<'a> Around<'a> {
         let squares = || store.tiling().touching(window);
         let windows = squares().map(|square| store.tiling().window_of(square));
         let known = windows.reduce(|all, one| all.union(&one)).unwrap_or(window);
-        let (mut all, mut points) = (Vec::new(), Vec::new());
-        for square in squares() {
-            store.load_distinct(square, &mut points)?;
-            all.extend_from_slice(&points);
-        }
-        let bins = Bins::new(&all);
+        let bins = binned(store, squares())?;
         Ok(Self { store, bins, known, beyond: Vec::new(), wanted: RefCell::default() })
     }
 
@@ -131,10 +126,8 @@ impl<'a> Around<'a> {
     fn take_in(&mut self) -> Result<()> {
         let mut wanted = self.wanted.take();
         wanted.sort_by_key(|&square| (self.steps_to(square), square));
-        let mut points = Vec::new();
         for &square in wanted.iter().take(AT_ONCE) {
-            self.store.load_distinct(square, &mut points)?;
-            self.beyond.push((square, Bins::new(&points)));
+            self.beyond.push((square, binned(self.store, [square].into_iter())?));
         }
         Ok(())
     }
@@ -160,6 +153,13 @@ impl<'a> Around<'a> {
         self.known.covers(&self.store.tiling().window_of(square))
             || self.beyond.iter().any(|(loaded, _)| *loaded == square)
     }
+}
+
+/// The points of squares, which bins put into order.
+fn binned(store: &PointStore, mut squares: impl Iterator<Item = usize>) -> Result<Bins> {
+    let mut points = Vec::new();
+    squares.try_for_each(|square| store.visit(square, |run| points.extend_from_slice(run)))?;
+    Ok(Bins::new(&points))
 }
 
 impl Space for Around<'_> {

@@ -305,7 +305,9 @@ impl PointStore {
 
     /// True when every point that may lie in the disc lies in `known`.
     pub(crate) fn is_within(&self, disc: &Disc, known: &Window) -> bool {
-        disc.clip(&self.tiling.window()).is_none_or(|part| known.covers(&part))
+        // Few discs reach beyond, and it takes no root to tell of most that they do not.
+        disc.lies_in(known)
+            || disc.clip(&self.tiling.window()).is_none_or(|part| known.covers(&part))
     }
 
     /// The squares that may have a point in the disc.

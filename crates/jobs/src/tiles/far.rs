@@ -28,7 +28,7 @@ impl Ground<'_> {
     ) -> Result<Made> {
         let bounds = id.bounds();
         let mut builder = Builder::new(id, level, self.overview)?;
-        builder.fit(|each| self.overview.each(&bounds, 1, &mut |sample| each(sample)));
+        builder.fit(|take| self.overview.runs(&bounds, 1, &mut |run| take(run)));
         for _ in 0..MOST_ROUNDS {
             let mut shell = builder.shell();
             self.measure(&bounds, level.tolerance, &mut shell, cancel)?;
@@ -94,7 +94,7 @@ impl Ground<'_> {
         opened.read(rect, heights)?;
         let fill = self.overview.voids();
         let patch = Patch::new(heights, rect, opened.look.chart(), fill);
-        patch.each(bounds, 1, &mut |sample| shell.add(sample, tolerance));
+        patch.runs(bounds, 1, &mut |run| shell.add_run(&run, tolerance));
         opened.grid.copied(rect);
         Ok(())
     }

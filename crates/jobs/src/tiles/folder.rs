@@ -163,9 +163,13 @@ impl Folder {
     /// Writes a file of a set.
     fn write(&self, set: usize, name: &str, bytes: &[u8]) -> Result<()> {
         let path = self.inside(set).join(name);
-        let folder = path.parent().unwrap_or(&path);
-        std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
-        std::fs::write(&path, bytes).map_err(|e| Error::write(&path, e))
+        let mut written = std::fs::write(&path, bytes);
+        if written.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::NotFound) {
+            let folder = path.parent().unwrap_or(&path);
+            std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
+            written = std::fs::write(&path, bytes);
+        }
+        written.map_err(|e| Error::write(&path, e))
     }
 
     /// The tiles that are written.

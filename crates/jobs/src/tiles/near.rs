@@ -1,5 +1,7 @@
 //! Tiles that are made of samples read once.
 
+use std::cell::RefCell;
+
 use super::division::REGION;
 use super::folder::Made;
 use super::mask::Mask;
@@ -9,6 +11,11 @@ use crate::Cancel;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_tiles::{Bounds, Chart, Patch, TileId, build};
+
+thread_local! {
+    /// Room for the samples of a region, from one to the next.
+    static HEIGHTS: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+}
 
 /// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
 fn most_samples(chart: &Chart) -> u64 {
@@ -52,7 +59,7 @@ impl Ground<'_> {
             .in_file(&opened.name())
             .remedy("take a part of it, or a coarser grid"));
         }
-        let mut heights = Vec::new();
+        let mut heights = HEIGHTS.take();
         opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
         let patch = Patch::new(&heights, rect, chart, fill).kept();
@@ -65,6 +72,7 @@ impl Ground<'_> {
             false => (),
         }
         opened.grid.copied(rect);
+        HEIGHTS.set(heights);
         Ok(())
     }
 

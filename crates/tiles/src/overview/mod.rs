@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use crate::chart::Chart;
 use crate::ground::{Fill, Ground, Means, Sample, around, between};
+use crate::run::Run;
 use crate::tiling::Bounds;
 use lines::{Lines, beside, spots, whole};
 use terrane_base::geom::Rect;
@@ -414,7 +415,7 @@ impl Ground for Overview {
     }
 
     /// Of each block the samples furthest from its plane.
-    fn each(&self, bounds: &Bounds, _: u32, found: &mut impl FnMut(Sample)) {
+    fn runs(&self, bounds: &Bounds, _: u32, found: &mut impl FnMut(Run<'_>)) {
         let [cols, rows] = self.blocks_in(bounds);
         for row in rows[0]..rows[1] {
             for col in cols[0]..cols[1] {
@@ -426,7 +427,7 @@ impl Ground for Overview {
                         [rect.col + u32::from(*right), rect.row + u32::from(*down)].map(f64::from);
                     let sample = self.plan.chart.sample(at, *height);
                     if bounds.holds(sample.place) {
-                        found(sample);
+                        found(Run::One(sample));
                     }
                 }
             }

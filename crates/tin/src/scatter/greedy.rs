@@ -8,16 +8,16 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use super::fan::{Fan, Sides, Spoke};
 use super::mesh::{Mesh, NONE, Place};
 use terrane_base::geom::Point;
-use terrane_delaunay::orient;
 
 /// A triangle's point with the largest distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Candidate {
+pub(super) struct Candidate {
     distance: f64,
     point: u32,
-    triangle: u32,
+    pub(super) triangle: u32,
 }
 
 impl Candidate {
@@ -53,7 +53,7 @@ pub struct Fit<'a> {
     /// By triangle.
     worst: Vec<Candidate>,
     queue: BinaryHeap<Candidate>,
-    moved: Vec<u32>,
+    fan: Fan,
 }
 
 impl<'a> Fit<'a> {
@@ -70,7 +70,7 @@ impl<'a> Fit<'a> {
             nexts: vec![NONE; points.len()],
             worst: vec![Candidate::NOBODY; triangles],
             queue: BinaryHeap::new(),
-            moved: Vec::new(),
+            fan: Fan::default(),
         };
         fit.list_all();
         (0..triangles as u32).for_each(|triangle| fit.elect(triangle));
@@ -78,11 +78,21 @@ impl<'a> Fit<'a> {
     }
 
     fn list_all(&mut self) {
+        // Most points lie in the triangle of the one before, which is where the next walk would begin.
+        let mut last: Option<(u32, Sides)> = None;
         for (i, &point) in self.points.iter().enumerate() {
-            let Place::Triangle(triangle) = self.mesh.locate(point) else { continue };
-            if self.mesh.corners(triangle).is_some() {
-                self.list(i as u32, triangle);
-            }
+            let triangle = match &last {
+                Some((triangle, sides)) if sides.hold(point) => *triangle,
+                _ => {
+                    let Place::Triangle(triangle) = self.mesh.locate(point) else { continue };
+                    last = self.mesh.corners(triangle).map(|c| (triangle, Sides::new(c)));
+                    if last.is_none() {
+                        continue;
+                    }
+                    triangle
+                }
+            };
+            self.list(i as u32, triangle);
         }
     }
 
@@ -132,93 +142,88 @@ impl<'a> Fit<'a> {
 
     fn insert(&mut self, point: Point, triangle: u32) {
         self.mesh.insert_at(point, triangle);
-        self.take_lists();
         self.heads.resize(self.mesh.triangles().len(), NONE);
         self.worst.resize(self.mesh.triangles().len(), Candidate::NOBODY);
-        let fan = Fan::new(self.mesh, point);
-        for point in std::mem::take(&mut self.moved).drain(..) {
-            if let Some(triangle) = fan.triangle_of(self.points[point as usize]) {
-                self.list(point, triangle);
-            }
-        }
-        for i in 0..self.mesh.fan().len() {
-            self.elect(self.mesh.fan()[i]);
-        }
-    }
-
-    /// Collects the points of the triangles that were removed.
-    fn take_lists(&mut self) {
-        for &triangle in self.mesh.removed() {
-            let mut point = std::mem::replace(&mut self.heads[triangle as usize], NONE);
-            while point != NONE {
-                self.moved.push(point);
-                point = self.nexts[point as usize];
-            }
-        }
-    }
-
-    /// Finds a triangle's candidate, and queues it when it is beyond the tolerance.
-    fn elect(&mut self, triangle: u32) {
-        self.worst[triangle as usize] = Candidate::NOBODY;
-        let Some(corners) = self.mesh.corners(triangle) else { return };
-        let plane = Plane::new(corners);
-        let mut worst = Candidate { triangle, ..Candidate::NOBODY };
-        let mut point = self.heads[triangle as usize];
-        while point != NONE {
-            let distance = plane.distance(self.points[point as usize]);
-            let found = Candidate { distance, point, triangle };
-            if distance > self.tolerance - plane.doubt(distance) && found > worst {
-                let exact = || exceeds(corners, self.points[point as usize], self.tolerance);
-                if distance > self.tolerance + plane.doubt(distance) || exact() {
-                    worst = found;
+        self.fan.turn_to(self.mesh, point);
+        let take = |&triangle: &u32| std::mem::replace(&mut self.heads[triangle as usize], NONE);
+        let lists: Vec<u32> = self.mesh.removed().iter().map(take).collect();
+        for mut number in lists {
+            while number != NONE {
+                let next = self.nexts[number as usize];
+                let point = self.points[number as usize];
+                if let Some(search) = self.fan.search_of(point) {
+                    search.see(number, point, self.tolerance);
+                    let triangle = search.worst.triangle;
+                    self.list(number, triangle);
                 }
+                number = next;
             }
-            point = self.nexts[point as usize];
         }
-        if worst.point != NONE {
-            self.worst[triangle as usize] = worst;
-            self.queue.push(worst);
+        for i in 0..self.fan.spokes.len() {
+            let Spoke { triangle, search, .. } = &self.fan.spokes[i];
+            let (triangle, worst) = (*triangle, search.as_ref().map(|search| search.worst));
+            self.put(triangle, worst);
         }
+    }
+
+    /// Finds a triangle's candidate among its points.
+    fn elect(&mut self, triangle: u32) {
+        let worst = self.mesh.corners(triangle).map(|corners| {
+            let mut search = Search::new(triangle, corners);
+            let mut number = self.heads[triangle as usize];
+            while number != NONE {
+                search.see(number, self.points[number as usize], self.tolerance);
+                number = self.nexts[number as usize];
+            }
+            search.worst
+        });
+        self.put(triangle, worst);
+    }
+
+    /// Queues a triangle's candidate, where there is one.
+    fn put(&mut self, triangle: u32, worst: Option<Candidate>) {
+        let worst = worst.filter(|worst| worst.point != NONE);
+        self.worst[triangle as usize] = worst.unwrap_or(Candidate::NOBODY);
+        self.queue.extend(worst);
     }
 }
 
-/// The triangles around a new vertex, to find points in.
-struct Fan {
-    centre: [i32; 2],
-    /// Where each triangle begins, and its number.
-    spokes: Vec<([i32; 2], u32, bool)>,
+/// The search for a triangle's candidate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Search {
+    pub(super) corners: [Point; 3],
+    plane: Plane,
+    /// So far.
+    pub(super) worst: Candidate,
 }
 
-impl Fan {
-    fn new(mesh: &Mesh, centre: Point) -> Self {
-        let spoke = |&triangle: &u32| {
-            let corners = mesh.triangles()[triangle as usize].corners;
-            let from = mesh.points().get(corners[0] as usize).map_or([0; 2], |p| [p.x, p.y]);
-            (from, triangle, mesh.corners(triangle).is_some())
-        };
-        Self { centre: [centre.x, centre.y], spokes: mesh.fan().iter().map(spoke).collect() }
+impl Search {
+    pub(super) fn new(triangle: u32, corners: [Point; 3]) -> Self {
+        let worst = Candidate { triangle, ..Candidate::NOBODY };
+        Self { corners, plane: Plane::new(corners), worst }
     }
 
-    /// The triangle that a point of the old ones lies in; `None` for the centre itself.
-    fn triangle_of(&self, point: Point) -> Option<u32> {
-        let point = [point.x, point.y];
-        let side = |i: usize| orient(self.centre, self.spokes[i % self.spokes.len()].0, point);
-        let is_in = |i: &usize| self.spokes[*i].2 && side(*i) >= 0 && side(i + 1) < 0;
-        if point == self.centre {
-            return None;
+    /// Looks at a point of the triangle: it counts where it is beyond the tolerance.
+    #[inline(always)]
+    fn see(&mut self, number: u32, point: Point, tolerance: f64) {
+        let distance = self.plane.distance(point);
+        let doubt = self.plane.doubt(distance);
+        // Few points are as far off as the worst so far.
+        if distance < self.worst.distance || distance <= tolerance - doubt {
+            return;
         }
-        // A point on the last spoke before a gap in the fan is on no left side of a later one.
-        let is_on_end = |i: &usize| self.spokes[*i].2 && side(*i) > 0 && side(i + 1) == 0;
-        let all = 0..self.spokes.len();
-        let found = all.clone().find(is_in).or_else(|| all.clone().find(is_on_end));
-        found.map(|i| self.spokes[i].1)
+        let found = Candidate { distance, point: number, ..self.worst };
+        if found > self.worst {
+            let is_beyond = distance > tolerance + doubt || exceeds(self.corners, point, tolerance);
+            self.worst = if is_beyond { found } else { self.worst };
+        }
     }
 }
 
 /// The plane through a triangle's corners, for distances in `f64`.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
-    origin: Point,
+    origin: [f64; 3],
     slope: [f64; 2],
     /// Relative error of a distance is below this, with the size of what was added up.
     reach: f64,
@@ -234,13 +239,14 @@ impl Plane {
                 + slope[1].abs() * d[1].abs() as f64
                 + d[2].abs() as f64
         };
-        Self { origin: a, slope, reach: reach([bx, by, bz]).max(reach([cx, cy, cz])) }
+        Self { origin: floats(a), slope, reach: reach([bx, by, bz]).max(reach([cx, cy, cz])) }
     }
 
     /// Vertical distance of a point, in steps.
     #[inline]
     fn distance(&self, point: Point) -> f64 {
-        let [x, y, z] = from(self.origin, point).map(|d| d as f64);
+        let point = floats(point);
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|i| point[i] - self.origin[i]);
         (z - self.slope[0] * x - self.slope[1] * y).abs()
     }
 
@@ -252,7 +258,12 @@ impl Plane {
     }
 }
 
-fn from(a: Point, b: Point) -> [i64; 3] {
+#[inline(always)]
+fn floats(point: Point) -> [f64; 3] {
+    [point.x, point.y, point.z].map(f64::from)
+}
+
+pub(super) fn from(a: Point, b: Point) -> [i64; 3] {
     [
         i64::from(b.x) - i64::from(a.x),
         i64::from(b.y) - i64::from(a.y),
@@ -288,12 +299,13 @@ fn rounded_up(corners: [Point; 3], point: Point) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::scatter::mesh::tests::validate;
     use proptest::prelude::*;
+    use terrane_delaunay::orient;
 
-    fn cloud() -> impl Strategy<Value = Vec<Point>> {
+    pub(in super::super) fn cloud() -> impl Strategy<Value = Vec<Point>> {
         let point = (0..60i32, 0..60i32, -50..50i32).prop_map(|(x, y, z)| Point::new(x, y, z));
         prop::collection::vec(point, 4..300).prop_map(|mut points| {
             points.sort_unstable();
@@ -304,7 +316,7 @@ mod tests {
 
     /// A mesh of the corners of the hull, so that some points lie on its edges; none where all are on a
     /// line.
-    fn hull_of(points: &[Point]) -> Option<Mesh> {
+    pub(in super::super) fn hull_of(points: &[Point]) -> Option<Mesh> {
         let hull = terrane_delaunay::Hull::of(points.to_vec());
         let mesh = Mesh::of_first(&hull.corners());
         assert_eq!(mesh.is_none(), hull.is_flat());

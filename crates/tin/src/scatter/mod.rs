@@ -1,5 +1,6 @@
 //! The kernel for clouds: a mesh whose vertices are some of the points, and no point far from it.
 
+mod fan;
 mod follow;
 mod greedy;
 mod mesh;

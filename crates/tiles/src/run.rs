@@ -1,0 +1,90 @@
+//! Samples that are handed on together, so that what they have in common is found once.
+
+use crate::globe::{Turn, Upright, bend};
+use crate::ground::Sample;
+
+/// A meridian of samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Column {
+    /// Degrees.
+    pub(crate) lon: f64,
+    pub(crate) turn: Turn,
+}
+
+/// A parallel of samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parallel {
+    /// Degrees.
+    pub(crate) lat: f64,
+    pub(crate) turn: Turn,
+    /// Metres from the ellipsoid to the axis of the earth, along what is upright there.
+    pub(crate) bend: f64,
+}
+
+impl Column {
+    pub(crate) fn new(lon: f64) -> Self {
+        Self { lon, turn: Turn::of(lon) }
+    }
+}
+
+impl Parallel {
+    pub(crate) fn new(lat: f64) -> Self {
+        let turn = Turn::of(lat);
+        Self { lat, turn, bend: bend(turn) }
+    }
+
+    /// The sample of a column.
+    #[inline]
+    pub(crate) fn sample(&self, column: &Column, height: f64) -> Sample {
+        let upright = Upright::of(column.turn, self.turn, self.bend);
+        Sample { place: [column.lon, self.lat], height, upright }
+    }
+}
+
+/// Samples along a parallel, void ones among them.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'a> {
+    pub(crate) parallel: Parallel,
+    /// Of the first sample and those after it.
+    pub(crate) columns: &'a [Column],
+    pub(crate) heights: &'a [f64],
+    /// From one sample to the next.
+    pub(crate) stride: usize,
+}
+
+impl<'a> Row<'a> {
+    /// How many samples there are.
+    pub(crate) fn len(&self) -> usize {
+        self.heights.len().div_ceil(self.stride)
+    }
+
+    /// Columns and heights of its samples.
+    #[inline]
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&'a Column, f64)> + use<'a> {
+        self.columns.iter().zip(self.heights.iter().copied()).step_by(self.stride)
+    }
+}
+
+/// Samples that are near each other.
+#[derive(Clone, Copy, Debug)]
+pub enum Run<'a> {
+    /// Some along a parallel.
+    Row(Row<'a>),
+    /// A valid one.
+    One(Sample),
+}
+
+impl Run<'_> {
+    /// Hands on the valid ones.
+    #[inline]
+    pub fn each(&self, found: &mut impl FnMut(Sample)) {
+        match self {
+            Self::One(sample) => found(*sample),
+            Self::Row(row) => {
+                for (column, height) in row.iter().filter(|(_, height)| height.is_finite()) {
+                    found(row.parallel.sample(column, height));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! In which of some triangles a point lies.
+
+use super::greedy::{Search, from};
+use super::mesh::Mesh;
+use terrane_base::geom::Point;
+use terrane_delaunay::orient;
+
+/// The sides of a triangle.
+pub(super) struct Sides([[i64; 3]; 3]);
+
+impl Sides {
+    pub(super) fn new(corners: [Point; 3]) -> Self {
+        let side = |k: usize| {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            let ([x, y, _], [ax, ay]) = (from(a, b), [a.x, a.y].map(i64::from));
+            [x, -y, y * ax - x * ay]
+        };
+        Self([0, 1, 2].map(side))
+    }
+
+    /// True for a point within, on no side.
+    #[inline(always)]
+    pub(super) fn hold(&self, point: Point) -> bool {
+        let [x, y] = [point.x, point.y].map(i64::from);
+        self.0.iter().all(|[by_y, by_x, add]| by_y * y + by_x * x + add > 0)
+    }
+}
+
+/// The triangles around a new vertex, to find points in.
+#[derive(Debug, Default)]
+pub(super) struct Fan {
+    centre: [i32; 2],
+    pub(super) spokes: Vec<Spoke>,
+    /// By bit, those of the first spokes that begin triangles which are no ghosts.
+    inner: u64,
+    /// Where the last point was found.
+    last: usize,
+}
+
+/// The side of a triangle of a fan that it begins at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spoke {
+    end: [i32; 2],
+    pub(super) triangle: u32,
+    /// In a triangle that is no ghost.
+    pub(super) search: Option<Search>,
+}
+
+impl Fan {
+    /// Turns to the vertex that was inserted last.
+    pub(super) fn turn_to(&mut self, mesh: &Mesh, centre: Point) {
+        let spoke = |&triangle: &u32| {
+            let corners = mesh.triangles()[triangle as usize].corners;
+            let end = mesh.points().get(corners[0] as usize).map_or([0; 2], |p| [p.x, p.y]);
+            let search = mesh.corners(triangle).map(|corners| Search::new(triangle, corners));
+            Spoke { end, triangle, search }
+        };
+        self.centre = [centre.x, centre.y];
+        self.spokes.clear();
+        self.spokes.extend(mesh.fan().iter().map(spoke));
+        let bits = self.spokes.iter().take(64).enumerate();
+        self.inner = bits.map(|(i, spoke)| u64::from(spoke.search.is_some()) << i).sum();
+        self.last = 0;
+    }
+
+    /// The search in the triangle that a point of the old ones lies in; `None` for the centre itself.
+    #[inline(always)]
+    pub(super) fn search_of(&mut self, point: Point) -> Option<&mut Search> {
+        let point = [point.x, point.y];
+        // Points that are near each other in the list are mostly in one triangle.
+        if !self.is_in(self.last, point) {
+            self.last = self.at_once(point).or_else(|| self.find(point))?;
+        }
+        self.spokes[self.last].search.as_mut()
+    }
+
+    #[inline(always)]
+    fn side(&self, spoke: usize, point: [i32; 2]) -> i64 {
+        let spoke = if spoke == self.spokes.len() { 0 } else { spoke };
+        orient(self.centre, self.spokes[spoke].end, point)
+    }
+
+    /// Whether a point is left of the spoke of a triangle, or on it, and right of the next one. True for one triangle
+    /// at the most, as none has an angle of 180 degrees.
+    #[inline(always)]
+    fn is_in(&self, i: usize, point: [i32; 2]) -> bool {
+        (self.side(i, point) >= 0) & (self.side(i + 1, point) < 0) & self.spokes[i].search.is_some()
+    }
+
+    /// The number of the triangle that a point lies in, by looking at all spokes without a branch. `None` where that
+    /// does not tell.
+    fn at_once(&self, point: [i32; 2]) -> Option<usize> {
+        let count = self.spokes.len();
+        if count > 64 || point == self.centre {
+            return None;
+        }
+        let left = (0..count).map(|i| u64::from(self.side(i, point) >= 0) << i).sum::<u64>();
+        let is_left_of_next = left >> 1 | left << (count - 1);
+        let found = left & !is_left_of_next & self.inner;
+        (found != 0).then(|| found.trailing_zeros() as usize)
+    }
+
+    /// The same, by one spoke after the other.
+    #[cold]
+    fn find(&self, point: [i32; 2]) -> Option<usize> {
+        if point == self.centre {
+            return None;
+        }
+        let all = 0..self.spokes.len();
+        // A point on the last spoke before a gap in the fan is on no left side of a later one.
+        let is_on_end = |i: &usize| {
+            let is_inner = self.spokes[*i].search.is_some();
+            is_inner && self.side(*i, point) > 0 && self.side(i + 1, point) == 0
+        };
+        all.clone().find(|i| self.is_in(*i, point)).or_else(|| all.clone().find(is_on_end))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scatter::greedy::tests::{cloud, hull_of};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A fan of any size, with ghosts and with points on its spokes: what looks at all of them at once finds what
+        /// one after the other does, or nothing.
+        #[test]
+        fn spokes_at_once_are_spokes_one_by_one(points in cloud(), centre in (-1..61i32, -1..61i32)) {
+            let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
+            for point in &points {
+                mesh.insert(*point);
+            }
+            let centre = Point::new(centre.0, centre.1, 0);
+            prop_assume!(mesh.insert(centre).is_some());
+            let mut fan = Fan::default();
+            fan.turn_to(&mesh, centre);
+            let mut found = 0;
+            for point in (0..3600).map(|i| [i % 60, i / 60]) {
+                let (at_once, one_by_one) = (fan.at_once(point), fan.find(point));
+                prop_assert!(at_once.is_none() || at_once == one_by_one, "{point:?} {fan:?}");
+                let found_by = fan.search_of(Point::new(point[0], point[1], 0)).map(|s| s.worst.triangle);
+                prop_assert_eq!(found_by, one_by_one.map(|i| fan.spokes[i].triangle));
+                found += usize::from(at_once.is_some());
+                let triangles = fan.spokes.iter().filter_map(|spoke| Some(spoke.search?.corners));
+                for corners in triangles {
+                    let [a, b, c] = corners.map(|corner| [corner.x, corner.y]);
+                    let is_in = [(a, b), (b, c), (c, a)].iter().all(|(a, b)| orient(*a, *b, point) > 0);
+                    prop_assert!(!is_in || at_once.is_some());
+                    prop_assert_eq!(Sides::new(corners).hold(Point::new(point[0], point[1], 9)), is_in);
+                }
+            }
+            prop_assert!(found > 0 || fan.spokes.len() < 4);
+        }
+    }
+}
