@@ -6,7 +6,9 @@ use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
 use terrane_jobs::cloud_tin::plan::{cloud_tin_status, run_cloud_tin};
 use terrane_jobs::grid::plan::{grid_status, run_grid};
-use terrane_jobs::plan::{DiskCheck, Kind, RunJob, RunReport, StatusReport, TaskReport, kind};
+use terrane_jobs::plan::{
+    DiskCheck, Kind, RunJob, RunReport, StatusReport, TaskReport, Written, kind,
+};
 use terrane_jobs::tiles::{run_tiles, tiles_status};
 use terrane_jobs::tin::{Form, run_plan, status_of};
 use terrane_jobs::translate::plan::{points_status, run_points};
@@ -183,50 +185,27 @@ impl PlanBuilder<'_> {
         let disk = if self.check_disk { DiskCheck::On } else { DiskCheck::Off };
         let Run { overwrite, progress, cancel, .. } = self.run;
         let (folder, task, output) = (self.plan.folder.clone(), self.task, self.output);
+        let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
         match self.plan.kind {
             Kind::Tin => {
-                let form = Form::default();
-                let job = RunJob { folder, task, output, overwrite, form, disk, resources };
-                let report = run_plan(&job, &*progress, &cancel)?;
-                let written = report.of.mesh.as_ref().map(|mesh| mesh.output.clone());
-                Ok(PlanRun::of(report, written))
+                run_plan(&job.formed(Form::default()), &*progress, &cancel).map(PlanRun::of)
             }
-            Kind::Cloud => {
-                let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-                let report = run_cloud_tin(&job, &*progress, &cancel)?;
-                let written = report.of.mesh.as_ref().map(|mesh| mesh.output.clone());
-                Ok(PlanRun::of(report, written))
-            }
-            Kind::Grid => {
-                let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-                let report = run_grid(&job, &*progress, &cancel)?;
-                let written = report.of.written.clone();
-                Ok(PlanRun::of(report, written))
-            }
-            Kind::Tiles => {
-                let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-                let report = run_tiles(&job, &*progress, &cancel)?;
-                let written = report.of.tiles.as_ref().map(|tiles| tiles.output.clone());
-                Ok(PlanRun::of(report, written))
-            }
-            Kind::Points => {
-                let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-                let report = run_points(&job, &*progress, &cancel)?;
-                let written = report.of.written.as_ref().map(|points| points.output.clone());
-                Ok(PlanRun::of(report, written))
-            }
+            Kind::Cloud => run_cloud_tin(&job, &*progress, &cancel).map(PlanRun::of),
+            Kind::Grid => run_grid(&job, &*progress, &cancel).map(PlanRun::of),
+            Kind::Tiles => run_tiles(&job, &*progress, &cancel).map(PlanRun::of),
+            Kind::Points => run_points(&job, &*progress, &cancel).map(PlanRun::of),
         }
     }
 }
 
 impl PlanRun {
-    fn of<R>(report: RunReport<R>, written: Option<String>) -> Self {
+    fn of<R: Written>(report: RunReport<R>) -> Self {
         Self {
+            written: report.of.written().map(PathBuf::from),
             tasks: report.tasks,
             found: report.found,
             damaged: report.damaged,
             made: report.made,
-            written: written.map(PathBuf::from),
         }
     }
 }

@@ -1,6 +1,8 @@
 //! `terrane run` and `terrane finish`: the work of a plan is done, all of it or one task.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
 
 use crate::cli::plan::status;
 use crate::cli::shared::verb::{Call, Verb};
@@ -84,7 +86,7 @@ pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn work(
-    folder: &std::path::Path,
+    folder: &Path,
     task: Option<String>,
     output: Option<PathBuf>,
     how: &How,
@@ -96,60 +98,48 @@ fn work(
             "leave out --output, --overwrite and --split, or pass them to terrane finish",
         ));
     }
-    let resources = how.machine.resources();
-    let (folder, overwrite, disk) = (folder.to_path_buf(), how.overwrite, how.disk.check());
-    match kind(&folder)? {
+    let (folder, resources) = (folder.to_path_buf(), how.machine.resources());
+    let kind = kind(&folder)?;
+    how.split.check(kind, output.as_deref())?;
+    let (overwrite, disk, progress) = (how.overwrite, how.disk.check(), how.show.progress());
+    let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+    let progress = progress.as_ref();
+    match kind {
         Kind::Tin => {
-            if let Some(output) = &output {
-                // Whether it exists is asked later: it may be the mesh of this very plan.
-                how.split.check_output(output, true)?;
-            }
             let form = Form { split: how.split.tiles, solid_base: None };
-            let job = RunJob { folder, task, output, overwrite, form, disk, resources };
-            let report = run_plan(&job, how.show.progress().as_ref(), cancel)?;
-            how.show.tell(&report, || summary(&report))?;
+            let report = run_plan(&job.formed(form), progress, cancel)?;
+            how.tell(&report, summary)?;
             if let Some(unmet) = report.of.mesh.as_ref().and_then(TinReport::unmet) {
                 say::failure(&unmet);
                 return Ok(Outcome::Broken);
             }
         }
-        Kind::Cloud => {
-            how.refuse_split("a cloud's mesh")?;
-            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-            let report = run_cloud_tin(&job, how.show.progress().as_ref(), cancel)?;
-            how.show.tell(&report, || cloud_summary(&report))?;
-        }
-        Kind::Grid => {
-            how.refuse_split("a grid")?;
-            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-            let report = run_grid(&job, how.show.progress().as_ref(), cancel)?;
-            how.show.tell(&report, || grid_summary(&report))?;
-        }
-        Kind::Tiles => {
-            how.refuse_split("tiles")?;
-            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-            let report = run_tiles(&job, how.show.progress().as_ref(), cancel)?;
-            how.show.tell(&report, || tiles_summary(&report))?;
-        }
-        Kind::Points => {
-            how.refuse_split("points")?;
-            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
-            let report = run_points(&job, how.show.progress().as_ref(), cancel)?;
-            how.show.tell(&report, || points_summary(&report))?;
-        }
+        Kind::Cloud => how.tell(&run_cloud_tin(&job, progress, cancel)?, cloud_summary)?,
+        Kind::Grid => how.tell(&run_grid(&job, progress, cancel)?, grid_summary)?,
+        Kind::Tiles => how.tell(&run_tiles(&job, progress, cancel)?, tiles_summary)?,
+        Kind::Points => how.tell(&run_points(&job, progress, cancel)?, points_summary)?,
     }
     Ok(Outcome::Kept)
 }
 
 impl How {
-    fn refuse_split(&self, of: &str) -> Result<()> {
-        match self.split.tiles {
-            None => Ok(()),
-            Some(_) => {
-                let message =
-                    format!("--split is for meshes of grids, and this is the plan of {of}");
-                Err(Error::usage(message).remedy("leave --split out"))
-            }
+    fn tell<R: Serialize>(&self, report: &R, summary: fn(&R) -> String) -> Result<()> {
+        self.show.tell(report, || summary(report)).map(drop)
+    }
+}
+
+impl tin::Split {
+    /// Fails where this is no plan of what can be split, and where `output` cannot become what is asked for.
+    fn check(&self, kind: Kind, output: Option<&Path>) -> Result<()> {
+        match (kind, self.tiles) {
+            // Whether it exists is asked later: it may be the mesh of this very plan.
+            (Kind::Tin, _) => output.map_or(Ok(()), |output| self.check_output(output, true)),
+            (_, None) => Ok(()),
+            (_, Some(_)) => Err(Error::usage(format!(
+                "--split is for meshes of grids, and this is the plan of {}",
+                kind.what()
+            ))
+            .remedy("leave --split out")),
         }
     }
 }

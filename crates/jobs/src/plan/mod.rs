@@ -30,7 +30,7 @@ pub use digest::Digest;
 pub(crate) use files::with_companions;
 pub(crate) use folder::Survey;
 pub(crate) use planned::{PlannedGrid, grid_files};
-pub use report::{DiskCheck, Forecast, RunReport, StatusReport, TaskReport, Told};
+pub use report::{DiskCheck, Forecast, RunReport, StatusReport, TaskReport, Told, Written};
 pub(crate) use report::{Needs, shared};
 pub use run::{PlanJob, RunJob};
 pub(crate) use run::{run, status};

@@ -121,6 +121,12 @@ pub struct StatusReport<S> {
     pub skipped: Vec<Skipped>,
 }
 
+/// What a kind of plan tells of a run.
+pub trait Written {
+    /// Where what it is for is, if it is written.
+    fn written(&self) -> Option<&str>;
+}
+
 /// What a run of a plan did; `R` is what only its kind tells.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]

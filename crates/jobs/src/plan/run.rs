@@ -64,6 +64,14 @@ pub struct RunJob<F> {
     pub resources: Resources,
 }
 
+impl RunJob<()> {
+    /// The same, with what else is asked of what is written.
+    pub fn formed<F>(self, form: F) -> RunJob<F> {
+        let Self { folder, task, output, overwrite, form: (), disk, resources } = self;
+        RunJob { folder, task, output, overwrite, form, disk, resources }
+    }
+}
+
 impl<F> RunJob<F> {
     /// All that is left to do in a folder, until the output is there.
     pub(crate) fn until(

@@ -37,6 +37,19 @@ pub enum Kind {
     Points,
 }
 
+impl Kind {
+    /// What comes of it, in words.
+    pub fn what(self) -> &'static str {
+        match self {
+            Self::Tin => "a mesh of a grid",
+            Self::Cloud => "a mesh of a cloud",
+            Self::Grid => "a grid",
+            Self::Tiles => "tiles",
+            Self::Points => "points",
+        }
+    }
+}
+
 /// A plan.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(bound = "")]
@@ -202,7 +215,7 @@ impl<W: Work> Plan<W> {
         let of = kind(path)?;
         let how = match of == W::KIND {
             true => self.changes(Self::read(path)?.0),
-            false => Some(format!("it is of a {of:?}").to_lowercase()),
+            false => Some(format!("it is of {}", of.what())),
         };
         how.map_or(Ok(()), |how| {
             Err(Error::usage(format!("holds another plan: {how}"))

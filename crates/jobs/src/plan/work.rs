@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::folder::Survey;
-use super::report::StatusReport;
+use super::report::{StatusReport, Written};
 use super::{Digest, Kind, Look, Plan};
 use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
@@ -32,7 +32,7 @@ pub(crate) trait Work: Clone + Sync + Serialize + DeserializeOwned {
     /// What else is asked of what is written at the end.
     type Form: Clone + Serialize;
     /// What a run tells beside what all do.
-    type Run: Default;
+    type Run: Default + Written;
     /// What is noted of what was written.
     type Note: Serialize + DeserializeOwned;
     /// What is told of the plan beside what is told of all.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::figures::Figures;
+use crate::plan::Written;
 
 /// What a job that makes tiles did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -64,4 +65,10 @@ pub struct TilesRun {
     pub made_tiles: u64,
     /// The set, if this run came to it; its time is that of writing it.
     pub tiles: Option<TilesReport>,
+}
+
+impl Written for TilesRun {
+    fn written(&self) -> Option<&str> {
+        self.tiles.as_ref().map(|tiles| tiles.output.as_str())
+    }
 }

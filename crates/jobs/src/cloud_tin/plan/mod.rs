@@ -21,7 +21,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{CloudTinJob, CloudTinReport, REGION_POINTS};
-use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport};
+use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport, Written};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use mesh::{CloudMesh, Opened};
@@ -54,6 +54,12 @@ pub struct PointRun {
     pub vertices: u64,
     /// The mesh, if this run came to it; its time is that of writing it.
     pub mesh: Option<CloudTinReport>,
+}
+
+impl Written for PointRun {
+    fn written(&self) -> Option<&str> {
+        self.mesh.as_ref().map(|mesh| mesh.output.as_str())
+    }
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. The points are looked at once, and

@@ -18,7 +18,7 @@ use super::extent::Extent;
 use super::preset::{Making, Preset, Seen};
 use super::report::GridReport;
 use crate::plan::{
-    self, At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
+    self, At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, Written,
 };
 use crate::sift::Losses;
 use crate::{Cancel, Progress, Resources};
@@ -58,6 +58,12 @@ pub struct CellRun {
     /// The grid, if this run wrote it. Its points are those that the tiles are made of, which count
     /// for each tile they are near.
     pub grid: Option<GridReport>,
+}
+
+impl Written for CellRun {
+    fn written(&self) -> Option<&str> {
+        self.written.as_deref()
+    }
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. For a model of the terrain the

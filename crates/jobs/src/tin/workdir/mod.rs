@@ -18,7 +18,7 @@ use super::make::{Maker, Opened, in_input};
 use super::refinement::Refinement;
 use super::report::{Clock, StageReport, TinReport};
 use crate::beside;
-use crate::plan::{self, DiskCheck, PLAN, Plan};
+use crate::plan::{self, DiskCheck, PLAN, Plan, Written};
 use crate::sift::Skipped;
 use crate::transform::Transform;
 use crate::{Cancel, Progress};
@@ -62,6 +62,12 @@ pub struct MeshRun {
     pub stages: Vec<StageReport>,
     /// The mesh, if this run came to it; its time is that of writing it.
     pub mesh: Option<TinReport>,
+}
+
+impl Written for MeshRun {
+    fn written(&self) -> Option<&str> {
+        self.mesh.as_ref().map(|mesh| mesh.output.as_str())
+    }
 }
 
 impl Default for MeshRun {

@@ -13,7 +13,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::TranslateJob;
-use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport};
+use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport, Written};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use manifest::Points;
@@ -48,6 +48,12 @@ pub struct SquareRun {
     pub points: u64,
     /// What is written, once it is.
     pub written: Option<PointsWritten>,
+}
+
+impl Written for SquareRun {
+    fn written(&self) -> Option<&str> {
+        self.written.as_ref().map(|points| points.output.as_str())
+    }
 }
 
 /// Files of squares that were written.
