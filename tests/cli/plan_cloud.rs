@@ -85,8 +85,10 @@ fn a_run_with_a_workdir_goes_on() {
     let made = tin("mesh.ply", &["--workdir", "work", "--memory", "300M"]);
     assert!(place.bytes("mesh.ply") == place.bytes("whole.ply"));
     assert_eq!(made["input"], "c.laz");
-    let again = tin("mesh.ply", &["--workdir", "work"]);
-    assert_eq!(again["vertices"], made["vertices"]);
+    let command = ["tin", "c.laz", "mesh.ply", "--max-error", "0.5", "--workdir", "work"];
+    let again = place.ok(&[&command[..], &["--json", "--progress", "json"]].concat());
+    assert_eq!(json(&again.out)["vertices"], made["vertices"]);
+    assert!(!again.err.contains("\"read\""), "points are read again: {}", again.err);
     remove(&place, "mesh.ply");
     tin("mesh.ply", &["--workdir", "work", "--verify"]);
     assert!(place.bytes("mesh.ply") == place.bytes("whole.ply"));

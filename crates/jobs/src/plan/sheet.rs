@@ -59,7 +59,7 @@ pub(crate) struct Plan<W: Work> {
     #[serde(flatten)]
     pub(crate) work: W,
     files: Vec<InputFile>,
-    needs: Needs,
+    pub(crate) needs: Needs,
     /// Files that are left out of the input because they are bad.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) skipped: Vec<Skipped>,
@@ -152,6 +152,13 @@ impl<W: Work> Plan<W> {
         }
         plan.work.check().map_err(|e| bad(&e.to_string()))?;
         Ok((plan, plan_id))
+    }
+
+    /// The plan that a folder holds already, if it is one of this kind and version. What was seen of the input for it
+    /// need not be seen again: `put` compares all else, the files by their digests.
+    pub(crate) fn there(folder: &Path) -> Option<Self> {
+        let (plan, _) = Self::read(folder).ok()?;
+        (plan.maker.kind == W::KIND).then_some(plan)
     }
 
     /// The digest that stands for it.

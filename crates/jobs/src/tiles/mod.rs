@@ -189,7 +189,8 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let opened = Opened::new(&TilesJob { input, reading, geoid, ..job.clone() })?;
     let tiles = Tiles::new(&opened, *cut)?;
     let files = opened.files();
-    let needs = tiles.needs(&opened)?;
+    let there = Plan::<Tiles>::there(folder);
+    let needs = there.map_or_else(|| tiles.needs(&opened), |plan| Ok(plan.needs))?;
     Plan::new(tiles, files, needs, skipped)?.put(folder)?;
     tiles_status(folder)
 }

@@ -59,6 +59,8 @@ struct Method {
     options: OpenOptions,
     format: String,
     max_error: f64,
+    /// Most points of a task, where that was said.
+    cut: Option<u32>,
 }
 
 /// What the headers tell.
@@ -151,20 +153,18 @@ impl Found {
     }
 }
 
-impl CloudMesh {
-    /// That of an opened job; tasks have `cut` points at the most, but for single regions, or as many as make a fair
-    /// piece of work. The points are looked at once.
-    /// Regions have `most` points at the most. Returns it with the share of the points that will be vertices, about.
-    pub(super) fn new(
-        opened: &Opened,
+impl Whole {
+    /// Looks at the points once: they are divided into regions of `most` points at the most, and tasks have `cut` of
+    /// them, but for single regions, or as many as make a fair piece of work. Returns what was seen with the share of
+    /// the points that will be vertices, about.
+    pub(super) fn look(
+        Opened { source, .. }: &Opened,
         (cut, most): (Option<u32>, u64),
+        ready: &Ready<'_>,
         at: At<'_>,
     ) -> Result<(Self, f64)> {
-        let Opened { job, source, label } = opened;
-        let (ready, cloud) = (opened.ready()?, Found::of(source.info())?);
+        let (sample, filling) = (Sample::new(ready), ready.filling(at));
         let empty = PointStore::empty(ready.tiling(), ready.folder(), 0).outline();
-        let sample = Sample::new(&ready);
-        let filling = ready.filling(at);
         let points = empty.filled_and(&**source, &filling, &|batch| sample.take(batch))?;
         let hull = points.hull()?;
         if hull.is_flat() {
@@ -173,24 +173,30 @@ impl CloudMesh {
         let fair = TASK_POINTS.max(2 * source.info().count / MOST_PARTS);
         let regions = Regions::new(&points, &[], most).all;
         let blocks = Regions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
-        let census = *points.census();
-        let seen = Whole {
-            census,
+        let seen = Self {
+            census: *points.census(),
             losses: points.losses().clone(),
             hull: hull.corners().iter().map(|p| [p.x, p.y, p.z]).collect(),
             parts: parts(&regions, blocks),
             regions,
         };
+        Ok((seen, sample.share(ready, &hull, at.silent())?))
+    }
+}
+
+impl CloudMesh {
+    /// That of an opened job of whose points this was seen.
+    pub(super) fn of(opened: &Opened, cut: Option<u32>, seen: Whole) -> Result<Self> {
+        let Opened { job, source, label } = opened;
         let inputs = match source.files() {
             [] => job.inputs.clone(),
             files => files.iter().map(|name| absolute(name)).collect::<Result<_>>()?,
         };
+        let (options, max_error) = (job.options.clone(), job.tolerance);
         let format = job.format()?.name.to_owned();
-        let method =
-            Method { inputs, options: job.options.clone(), format, max_error: job.tolerance };
-        let mesh = Self { label: label.clone(), method, cloud, seen };
-        mesh.check()?;
-        Ok((mesh, sample.share(&ready, &hull, at.silent())?))
+        let method = Method { inputs, options, format, max_error, cut };
+        let mesh = Self { label: label.clone(), method, cloud: Found::of(source.info())?, seen };
+        mesh.check().map(|()| mesh)
     }
 
     /// The files it is made from.

@@ -24,7 +24,7 @@ use super::{CloudTinJob, CloudTinReport, REGION_POINTS};
 use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport, Written};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
-use mesh::{CloudMesh, Opened};
+use mesh::{CloudMesh, Opened, Whole};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::refuse_held;
 
@@ -83,8 +83,15 @@ pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Resu
     refuse_lines(job)?;
     job.check()?;
     let opened = Opened::new(job.clone(), job.inputs.join(" "))?;
-    let (mesh, share) = CloudMesh::new(&opened, (*cut, most), at)?;
-    let needs = needs::expect(&opened, &mesh, share)?;
+    let (mesh, needs) = match Plan::<CloudMesh>::there(folder) {
+        Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
+        None => {
+            let (seen, share) = Whole::look(&opened, (*cut, most), &opened.ready()?, at)?;
+            let mesh = CloudMesh::of(&opened, *cut, seen)?;
+            let needs = needs::expect(&opened, &mesh, share)?;
+            (mesh, needs)
+        }
+    };
     let files = mesh.files(&opened);
     Plan::new(mesh, files, needs, skipped)?.put(folder)?;
     cloud_tin_status(folder)

@@ -96,12 +96,17 @@ pub fn plan_grid(
     job.check()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = Extent::new(points.info(), job)?;
-    let seen =
-        job.preset.map(|preset| look(preset, job, (&*points, &extent), At { progress, cancel }));
-    let opened = Opened { job: job.clone(), points, extent, seen: seen.transpose()? };
+    let (there, at) = (Plan::<Grid>::there(folder), At { progress, cancel });
+    let look = |preset| look(preset, job, (&*points, &extent), at);
+    let seen = match &there {
+        Some(plan) => plan.work.seen.clone(),
+        None => job.preset.map(look).transpose()?,
+    };
+    let opened = Opened { job: job.clone(), points, extent, seen };
     let grid = Grid::new(&opened, *cut)?;
     let files = grid.files(&*opened.points);
-    let needs = probe::expect(&opened, &grid.grid, At { progress, cancel })?;
+    let expect = || probe::expect(&opened, &grid.grid, at);
+    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     Plan::new(grid, files, needs, skipped)?.put(folder)?;
     grid_status(folder)
 }

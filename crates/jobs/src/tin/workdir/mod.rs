@@ -129,15 +129,19 @@ fn plan_checked(
     check(&maker)?;
     let in_input = |error| in_input(error, &tin.input);
     let (tolerance, _) = maker.tolerance().map_err(in_input)?;
-    let spec = Spec { measure: false, ..maker.spec(tolerance) };
     let layout = maker.layout().map_err(in_input)?;
-    let size = Estimator::thorough(&*opened.source, layout, cancel)
-        .and_then(|mut estimator| estimator.size_at_most(&spec))
-        .map_err(in_input)?;
-    let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
-    let size = size.with(opened.kept.count() + on_lines);
     let mesh = Mesh::new(&tin, &opened, job.cut)?;
-    let (files, needs) = (mesh::files(&tin, &*opened.source), mesh.needs(size, &opened)?);
+    let expect = || {
+        let spec = Spec { measure: false, ..maker.spec(tolerance) };
+        let size = Estimator::thorough(&*opened.source, layout, cancel)
+            .and_then(|mut estimator| estimator.size_at_most(&spec))
+            .map_err(in_input)?;
+        let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
+        mesh.needs(size.with(opened.kept.count() + on_lines), &opened)
+    };
+    let there = Plan::<Mesh>::there(&job.folder);
+    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
+    let files = mesh::files(&tin, &*opened.source);
     Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;
     status_of(&job.folder)
 }

@@ -85,9 +85,12 @@ pub fn plan_points(
     let plan::PlanJob { job, folder, cut, skipped } = job;
     let at = At { progress, cancel };
     refuse_held(&job.input)?;
-    let (work, opened) = Points::new(job, *cut, at)?;
+    let there = Plan::<Points>::there(folder);
+    let known = there.as_ref().map(|plan| &plan.work.looked);
+    let (work, opened) = Points::new((job, *cut), known, at)?;
     let files = work.files(&opened);
-    let needs = probe::expect(&opened, &work, at)?;
+    let expect = || probe::expect(&opened, &work, at);
+    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     Plan::new(work, files, needs, skipped)?.put(folder)?;
     points_status(folder)
 }

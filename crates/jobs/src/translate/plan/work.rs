@@ -40,8 +40,12 @@ pub(super) struct Facts {
 }
 
 impl Points {
-    /// What is asked for, what there is, and what has to be known of all of it.
-    pub(super) fn new(job: &TranslateJob, cut: Option<u32>, at: At<'_>) -> Result<(Self, Opened)> {
+    /// What is asked for, what there is, and what has to be known of all of it, where that is not `known`.
+    pub(super) fn new(
+        (job, cut): (&TranslateJob, Option<u32>),
+        known: Option<&Looked>,
+        at: At<'_>,
+    ) -> Result<(Self, Opened)> {
         let mut method = Method::of(job)?;
         let mut opened = Opened::new(job.clone())?;
         method.found(opened.cloud.files())?;
@@ -51,7 +55,7 @@ impl Points {
         opened.job.overlap = method.overlap;
         let blocks = Blocks::of(&info, &method.squares, cut)?;
         blocks.check()?;
-        let looked = opened.look(at)?;
+        let looked = known.map_or_else(|| opened.look(at), |looked| Ok(looked.clone()))?;
         let label = label(job);
         Ok((Self { label, method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
     }
