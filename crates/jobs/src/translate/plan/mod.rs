@@ -72,7 +72,8 @@ pub struct PointsWritten {
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. Where something is told of the
-/// ground, or noise is found by all points, these are looked at once. A few squares are made, to tell the size of the results, and thrown away.
+/// ground, or noise is found by all points, these are looked at once. A few squares are made, to tell the size of the
+/// results, and thrown away.
 ///
 /// # Errors
 /// Those of [`run`](super::run) that are found before the work; `Usage` for one file instead of squares, for what is
