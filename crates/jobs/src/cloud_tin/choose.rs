@@ -140,7 +140,7 @@ pub(super) fn first_choice(
 }
 
 /// The vertices that a region chooses with the points around it, those of the hull among them.
-pub(super) fn choose_in(
+fn choose_in(
     work: &Work<'_>,
     number: usize,
     tolerance: f64,

@@ -33,7 +33,7 @@ pub(crate) use planned::{PlannedGrid, grid_files};
 pub use report::{DiskCheck, Forecast, RunReport, StatusReport, TaskReport, Told, Written};
 pub(crate) use report::{Needs, shared};
 pub use run::{PlanJob, RunJob};
-pub(crate) use run::{run, status};
+pub(crate) use run::{run, run_in, status};
 pub use sheet::{Kind, kind};
 pub(crate) use sheet::{PLAN, Plan};
 pub(crate) use work::{At, Made, Named, Numbered, Order, Work};

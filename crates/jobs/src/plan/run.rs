@@ -12,10 +12,11 @@ use super::object::Done;
 use super::output::{Output, last_output};
 use super::report::{DiskCheck, RunReport, StatusReport};
 use super::work::{At, Made, Named, Order};
-use super::{Look, Work, kept};
+use super::{Look, PLAN, Work, kept};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, peak_memory};
 use terrane_base::error::{ErrorKind, Result};
+use terrane_files::atomic::refuse_existing;
 
 /// A plan to make of a job.
 #[derive(Clone, Debug)]
@@ -138,6 +139,20 @@ pub(crate) fn run<W: Work>(
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.peak_memory = peak_memory();
     Ok(report)
+}
+
+/// Plans by `plan` and runs what is left, so that a run that was killed goes on where it was.
+pub(crate) fn run_in<W: Work>(
+    job: &RunJob<W::Form>,
+    plan: impl FnOnce() -> Result<()>,
+    At { progress, cancel }: At<'_>,
+) -> Result<RunReport<W::Run>> {
+    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    if let (Some(output), false) = (&job.output, job.folder.join(PLAN).exists()) {
+        refuse_existing(output, job.overwrite)?;
+    }
+    plan()?;
+    run::<W>(job, progress, cancel)
 }
 
 /// A run in progress.

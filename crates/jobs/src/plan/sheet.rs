@@ -38,6 +38,13 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// What was made, which is there at the end.
+    pub(crate) fn made<T>(self, made: Option<T>) -> Result<T> {
+        let lost =
+            || Error::new(ErrorKind::Internal, format!("a run ended without {}", self.what()));
+        made.ok_or_else(lost)
+    }
+
     /// What comes of it, in words.
     pub fn what(self) -> &'static str {
         match self {

@@ -19,11 +19,11 @@ pub(crate) trait Work: Clone + Sync + Serialize + DeserializeOwned {
     /// Kinds of tasks: the name that comes before the number, and the task of a number.
     const NAMES: &'static [Numbered<Self::Task>];
     /// The ending of objects.
-    const ENDING: &'static str;
+    const ENDING: &'static str = "object";
     /// How the last task looks at objects: whole, unless they prove themselves as they are read.
-    const LAST_LOOK: Look;
+    const LAST_LOOK: Look = Look::Whole;
     /// What a run of all tasks is called while it goes on, where the tasks have no stages of their own.
-    const STAGE: Option<&'static str>;
+    const STAGE: Option<&'static str> = None;
 
     /// A task that makes an object.
     type Task: Copy + Ord + Send + Sync + fmt::Display + 'static;

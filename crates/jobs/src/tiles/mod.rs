@@ -37,7 +37,7 @@ use serde::{Deserialize, Serialize};
 use crate::beside;
 use crate::figures::Figures;
 use crate::memory::{self, Shares};
-use crate::plan::{self, At, DiskCheck, PLAN, Plan};
+use crate::plan::{self, At, DiskCheck, Kind, Plan};
 use crate::reading::Reading;
 use crate::sift::Skipped;
 use crate::workers;
@@ -225,16 +225,11 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesReport> {
-    // Whether what an earlier run here wrote may be replaced is for the run to tell.
-    if !folder.join(PLAN).exists() {
-        terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    }
-    plan_tiles(&PlanJob::all(job, folder, skipped))?;
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let run = RunJob::until(to, job.overwrite, (), with);
-    let report = run_tiles(&run, progress, cancel)?;
-    let lost = || Error::new(ErrorKind::Internal, "a run ended without its tiles");
-    let mut tiles = report.of.tiles.ok_or_else(lost)?;
+    let all = RunJob::until(to, job.overwrite, (), with);
+    let plan = || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop);
+    let report = plan::run_in::<Tiles>(&all, plan, At { progress, cancel })?;
+    let mut tiles = Kind::Tiles.made(report.of.tiles)?;
     tiles.run.wall_seconds = report.wall_seconds;
     Ok(tiles)
 }

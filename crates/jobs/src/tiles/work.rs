@@ -16,8 +16,8 @@ use super::{Ground, Opened, TilesJob, glance, is_missing, probe};
 use crate::figures::Figures;
 use crate::memory::{self, with_slack};
 use crate::plan::{
-    self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport,
-    Survey, Work,
+    self, At, Kind, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport, Survey,
+    Work,
 };
 use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -161,11 +161,7 @@ fn nears([_, count, _]: [u32; 3]) -> impl Iterator<Item = Task> {
 
 impl Work for Tiles {
     const KIND: Kind = Kind::Tiles;
-    const ENDING: &'static str = "object";
     const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
-    /// What is read to the end is not compared with digests on the way.
-    const LAST_LOOK: Look = Look::Whole;
-    const STAGE: Option<&'static str> = None;
 
     type Task = Task;
     type Facts = Facts;

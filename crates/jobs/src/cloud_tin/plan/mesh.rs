@@ -10,9 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::needs::Sample;
 use super::{CloudTinStatus, PointRun, PointStatus};
-use crate::cloud_tin::choose::{
-    BAND, Errors, Look as Seen, Settling, due, first_choice, look_at_all,
-};
+use crate::cloud_tin::choose::{BAND, Errors, Look, Settling, due, first_choice, look_at_all};
 use crate::cloud_tin::lines::Lines;
 use crate::cloud_tin::ready::Ready;
 use crate::cloud_tin::regions::{Region, Regions};
@@ -20,7 +18,7 @@ use crate::cloud_tin::write::write;
 use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
 use crate::kept::Features;
 use crate::plan::{
-    self, At, Digest, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
+    self, At, Digest, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
     refuse_another,
 };
 use crate::points::{PointStore, ShelfWriter, Shelves, Tiling};
@@ -309,7 +307,7 @@ impl<'a> Desk<'a> {
     }
 
     /// What the regions of a task find that have to look in its round: each with what it found.
-    fn look(&self, task: Task, survey: &Survey<'_, CloudMesh>) -> Result<Vec<(usize, Seen)>> {
+    fn look(&self, task: Task, survey: &Survey<'_, CloudMesh>) -> Result<Vec<(usize, Look)>> {
         let (mesh, regions) = (self.mesh, self.mesh.part(task).regions.clone());
         let all = shelves(survey, mesh.tasks_of(0..task.round))?;
         let due = match task.round {
@@ -359,13 +357,13 @@ fn shelves(survey: &Survey<'_, CloudMesh>, tasks: Vec<Task>) -> Result<Shelves> 
 }
 
 /// What the regions of a task found when they looked last, before its round.
-fn looks(survey: &Survey<'_, CloudMesh>, task: Task) -> Result<Vec<Seen>> {
+fn looks(survey: &Survey<'_, CloudMesh>, task: Task) -> Result<Vec<Look>> {
     let regions = survey.folder.plan.work.part(task).regions.clone();
-    let mut looks = vec![Seen::settled(Window::ALL, 0); regions.len()];
+    let mut looks = vec![Look::settled(Window::ALL, 0); regions.len()];
     for round in 1..task.round {
         let (_, done) = survey.object(Task { round, ..task })?;
         for &(region, [low, high], points) in &done.facts.looks {
-            looks[region - regions.start] = Seen::settled(Window { low, high }, points);
+            looks[region - regions.start] = Look::settled(Window { low, high }, points);
         }
     }
     Ok(looks)
@@ -385,11 +383,7 @@ fn put(store: &PointStore, block: &Region, object: &Path) -> Result<(u64, Digest
 
 impl Work for CloudMesh {
     const KIND: Kind = Kind::Cloud;
-    const ENDING: &'static str = "object";
     const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
-    /// Squares are under digests of their own, but not all are read.
-    const LAST_LOOK: Look = Look::Whole;
-    const STAGE: Option<&'static str> = None;
 
     type Task = Task;
     type Facts = Facts;
@@ -474,7 +468,7 @@ impl Work for CloudMesh {
         found.sort_unstable_by_key(|(region, _)| *region);
         let (points, index) = put(&vertices, &part.block, object)?;
         run.vertices += points;
-        let look = |(region, look): (usize, Seen)| {
+        let look = |(region, look): (usize, Look)| {
             let Window { low, high } = look.influence;
             (region, [low, high], look.errors.points)
         };

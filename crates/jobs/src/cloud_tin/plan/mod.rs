@@ -21,11 +21,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{CloudTinJob, CloudTinReport, REGION_POINTS};
-use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport, Written};
+use crate::plan::{self, At, DiskCheck, Kind, Plan, StatusReport, Written};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use mesh::{CloudMesh, Opened, Whole};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_files::refuse_held;
 
 /// A mesh of a cloud to plan; a task has so many points at the most (`cut`).
@@ -143,15 +143,12 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudTinReport> {
-    // Whether what an earlier run here wrote may be replaced is for the run to tell.
-    if !folder.join(PLAN).exists() {
-        terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    }
-    plan_cloud_tin(&PlanCloudTinJob::all(job, folder, skipped), progress, cancel)?;
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let run = run_cloud_tin(&RunCloudTinJob::until(to, job.overwrite, (), with), progress, cancel)?;
-    let lost = || Error::new(ErrorKind::Internal, "a run ended without its mesh");
-    let mut mesh = run.of.mesh.ok_or_else(lost)?;
+    let all = RunCloudTinJob::until(to, job.overwrite, (), with);
+    let plan =
+        || plan_cloud_tin(&PlanCloudTinJob::all(job, folder, skipped), progress, cancel).map(drop);
+    let run = plan::run_in::<CloudMesh>(&all, plan, At { progress, cancel })?;
+    let mut mesh = Kind::Cloud.made(run.of.mesh)?;
     mesh.run.wall_seconds = run.wall_seconds;
     mesh.run.peak_memory = run.peak_memory;
     mesh.run.spilled_bytes = mesh.run.spilled_bytes.map(|bytes| bytes + run.spilled_bytes);

@@ -18,7 +18,7 @@ use super::extent::Extent;
 use super::preset::{Making, Preset, Seen};
 use super::report::GridReport;
 use crate::plan::{
-    self, At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, Written,
+    self, At, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, Written,
 };
 use crate::sift::Losses;
 use crate::{Cancel, Progress, Resources};
@@ -156,9 +156,6 @@ impl Work for Grid {
     const KIND: Kind = Kind::Grid;
     const ENDING: &'static str = "tif";
     const NAMES: &'static [Numbered<Tile>] = &[("tile", Tile)];
-    /// What is read to the end is not compared with digests on the way.
-    const LAST_LOOK: Look = Look::Whole;
-    const STAGE: Option<&'static str> = None;
 
     type Task = Tile;
     type Facts = Facts;

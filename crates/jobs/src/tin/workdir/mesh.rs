@@ -129,7 +129,6 @@ impl Ready {
 
 impl Work for Mesh {
     const KIND: Kind = Kind::Tin;
-    const ENDING: &'static str = "object";
     const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
     /// Tiles are under digests of their own.
     const LAST_LOOK: Look = Look::Quick;

@@ -23,7 +23,7 @@ use crate::sift::Skipped;
 use crate::transform::Transform;
 use crate::{Cancel, Progress};
 use mesh::Mesh;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_files::refuse_held;
 use terrane_tin::Spec;
 
@@ -193,8 +193,7 @@ pub fn run_in(
 
 /// The report on the mesh, with the time and work of the whole run.
 fn whole(run: RunReport) -> Result<TinReport> {
-    let lost = || Error::new(ErrorKind::Internal, "a run ended without its mesh");
-    let mut mesh = run.of.mesh.ok_or_else(lost)?;
+    let mut mesh = plan::Kind::Tin.made(run.of.mesh)?;
     mesh.took(Duration::from_secs_f64(run.wall_seconds));
     mesh.spilled(run.spilled_bytes);
     mesh.stages.extend(run.of.stages);

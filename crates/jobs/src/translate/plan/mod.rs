@@ -13,11 +13,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::TranslateJob;
-use crate::plan::{self, At, DiskCheck, PLAN, Plan, StatusReport, Written};
+use crate::plan::{self, At, DiskCheck, Kind, Plan, StatusReport, Written};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use manifest::Points;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
 use terrane_files::refuse_held;
 
 /// Squares of points to plan; a task has so many squares along its side (`cut`).
@@ -130,13 +130,10 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<PointsWritten> {
-    // Whether what an earlier run here wrote may be replaced is for the run to tell.
-    if !folder.join(PLAN).exists() {
-        terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    }
-    plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel)?;
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let run = RunPointsJob::until(to, job.overwrite, (), with);
-    let lost = || Error::new(ErrorKind::Internal, "a run ended without its points");
-    run_points(&run, progress, cancel)?.of.written.ok_or_else(lost)
+    let all = RunPointsJob::until(to, job.overwrite, (), with);
+    let plan =
+        || plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel).map(drop);
+    let run = plan::run_in::<Points>(&all, plan, At { progress, cancel })?;
+    Kind::Points.made(run.of.written)
 }

@@ -11,7 +11,7 @@ use super::manifest::{Block, Blocks, Method, Points, label};
 use super::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
 use crate::plan::{
-    At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
+    At, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
     refuse_another,
 };
 use crate::sift::Losses;
@@ -117,11 +117,7 @@ impl Opened {
 
 impl Work for Points {
     const KIND: Kind = Kind::Points;
-    const ENDING: &'static str = "object";
     const NAMES: &'static [Numbered<Block>] = &[("squares", Block)];
-    /// What is read to the end is not compared with digests on the way.
-    const LAST_LOOK: Look = Look::Whole;
-    const STAGE: Option<&'static str> = None;
 
     type Task = Block;
     type Facts = Facts;
