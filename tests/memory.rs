@@ -73,11 +73,14 @@ fn a_large_block_takes_little_beyond_the_budget() {
     let place = Place::new();
     let terrain = "synth:rough,width=2049,height=769";
     let args = ["tin", terrain, "out", "--max-error", "0.02", "--tile", "128", "--split", "100"];
-    let report = place.ok(&[&args[..], &["--memory", "40M", "--json"]].concat());
-    let report: serde_json::Value = serde_json::from_str(&report.out).unwrap();
-    let [peak, vertices] = ["peak_memory", "vertices"].map(|key| report[key].as_f64().unwrap());
-    let own = (peak - vertices * 8.0) / f64::from(1 << 20);
-    assert!(own < 54.0, "{own} MiB without the ids of {vertices} vertices");
+    for threads in ["1", "2"] {
+        let more = ["--threads", threads, "--memory", "40M", "--overwrite", "--json"];
+        let report = place.ok(&[&args[..], &more].concat());
+        let report: serde_json::Value = serde_json::from_str(&report.out).unwrap();
+        let [peak, vertices] = ["peak_memory", "vertices"].map(|key| report[key].as_f64().unwrap());
+        let own = (peak - vertices * 8.0) / f64::from(1 << 20);
+        assert!(own < 42.0, "{own} MiB without the ids of {vertices} vertices, {threads} threads");
+    }
 }
 
 #[test]

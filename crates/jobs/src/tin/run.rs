@@ -188,7 +188,7 @@ fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
     if shared.settings.threads > 1 {
         run_threads(shared, collector)
     } else {
-        Worker::new(shared, Outlet::Direct(collector)).run()
+        Worker::new(shared, Outlet { collector, writer: None }).run()
     }
 }
 
@@ -208,13 +208,13 @@ fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Cloc
         let writing = spawn(scope, move || write_parts(shared, collector, &receiver));
         // Where there are no threads to be had, this one does it all.
         let Some(writing) = writing else {
-            return Worker::new(shared, Outlet::Direct(collector)).run();
+            return Worker::new(shared, Outlet { collector, writer: None }).run();
         };
-        let work = |outlet| move || Worker::new(shared, outlet).run();
-        let others: Vec<_> = (1..threads)
-            .map_while(|_| spawn(scope, work(Outlet::Channel(sender.clone()))))
-            .collect();
-        let mut clock = work(Outlet::Channel(sender))();
+        let work =
+            |sender| move || Worker::new(shared, Outlet { collector, writer: Some(sender) }).run();
+        let others: Vec<_> =
+            (1..threads).map_while(|_| spawn(scope, work(sender.clone()))).collect();
+        let mut clock = work(sender)();
         for other in others {
             match other.join() {
                 Ok(theirs) => clock.merge(&theirs),
@@ -234,9 +234,8 @@ fn write_parts(
     collector: &Mutex<dyn Collect + '_>,
     parts: &Receiver<(TileId, Part)>,
 ) {
-    let mut writer = lock(collector);
     for (tile, part) in parts {
-        match writer.accept(tile, part) {
+        match lock(collector).accept(tile, part) {
             Ok(written) => shared.store.account(written, 0),
             Err(error) => return shared.queue.fail(error),
         }

@@ -67,11 +67,10 @@ pub(super) trait Stock: Sync {
 }
 
 /// Where finished parts go.
-pub(super) enum Outlet<'a> {
-    /// A single worker writes by itself.
-    Direct(&'a Mutex<dyn Collect + 'a>),
-    /// Several workers feed a writer thread.
-    Channel(Sender<(TileId, Part)>),
+pub(super) struct Outlet<'a> {
+    pub(super) collector: &'a Mutex<dyn Collect + 'a>,
+    /// The way to a thread that hands them to the collector while the worker goes on.
+    pub(super) writer: Option<Sender<(TileId, Part)>>,
 }
 
 /// One worker and its buffers.
@@ -507,17 +506,20 @@ impl<'a> Worker<'a> {
         Ok(())
     }
 
+    /// Hands over a part. Without room it does not wait in the channel: the worker waits for the collector, so that
+    /// no more parts are made than can be written.
     fn send(&self, tile: TileId, part: Part) -> Result<()> {
-        self.job.store.account(0, part.bytes());
-        match &self.outlet {
-            Outlet::Direct(writer) => {
-                let written = lock(writer).accept(tile, part)?;
-                self.job.store.account(written, 0);
-                Ok(())
-            }
-            Outlet::Channel(sender) => sender
+        let store = &self.job.store;
+        store.account(0, part.bytes());
+        match &self.outlet.writer {
+            Some(writer) if store.has_room() => writer
                 .send((tile, part))
                 .map_err(|_| Error::new(ErrorKind::Internal, "the writer has stopped")),
+            _ => {
+                let written = lock(self.outlet.collector).accept(tile, part)?;
+                store.account(written, 0);
+                Ok(())
+            }
         }
     }
 }
