@@ -53,7 +53,9 @@ struct Stop {
 }
 
 /// The vertices of a side: steps along it and heights in steps of the level, from the south or from the west. The
-/// furthest place becomes a vertex until none is beyond the goal of borders.
+/// furthest place becomes a vertex until none is beyond the goal of borders, and none below a straight part is further
+/// from one above it than the goal of tiles. Vertices a step beside the border may be joined with the ends of the part
+/// from anywhere along it, and a sample on the way there is off by what it is off from the part and what the vertex is.
 pub(crate) fn vertices(
     tile: TileId,
     side: Side,
@@ -64,7 +66,7 @@ pub(crate) fn vertices(
     let mut kept: Vec<usize> = (0..stops.len()).filter(|i| stops[*i].is_post).collect();
     let mut open: Vec<[usize; 2]> = kept.windows(2).map(|pair| [pair[0], pair[1]]).collect();
     while let Some([from, to]) = open.pop() {
-        if let Some(worst) = worst(&stops, [from, to], level.border_goal()) {
+        if let Some(worst) = worst(&stops, [from, to], [level.border_goal(), level.goal()]) {
             kept.push(worst);
             open.extend([[from, worst], [worst, to]]);
         }
@@ -107,18 +109,22 @@ fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<S
     stops
 }
 
-/// The stop between two that is furthest from the straight line between them, where it is beyond the goal.
-fn worst(stops: &[Stop], [from, to]: [usize; 2], goal: f64) -> Option<usize> {
+/// The stop between two that is furthest from the straight line between them, where it is further than one goal, or
+/// stops on both sides of the line are further apart than the other.
+fn worst(stops: &[Stop], [from, to]: [usize; 2], [most, apart]: [f64; 2]) -> Option<usize> {
     let (a, b) = (&stops[from], &stops[to]);
     let chord = b.point - a.point;
     let off = |stop: &Stop| {
         let part = f64::from(stop.along - a.along) / f64::from(b.along - a.along);
-        (stop.point - (a.point + chord * part)).dot(stop.upright.normal).abs()
+        (stop.point - (a.point + chord * part)).dot(stop.upright.normal)
     };
-    let further = |worst: (f64, usize), i: usize| {
-        let off = off(&stops[i]);
-        if off > worst.0 { (off, i) } else { worst }
-    };
-    let (off, worst) = (from + 1..to).fold((0.0, from), further);
-    (off > goal).then_some(worst)
+    let (mut worst, mut ends) = ((0.0, from), [0.0_f64; 2]);
+    for (i, stop) in (from + 1..to).zip(&stops[from + 1..]) {
+        let off = off(stop);
+        ends = [ends[0].min(off), ends[1].max(off)];
+        if off.abs() > worst.0 {
+            worst = (off.abs(), i);
+        }
+    }
+    (worst.0 > most || ends[1] - ends[0] > apart).then_some(worst.1)
 }

@@ -31,16 +31,15 @@ impl Land {
                 }
             }
         };
-        let heights: Vec<f64> = (0..side * side).map(height).collect();
+        let heights = (0..side * side).map(height).collect();
+        Self::of(heights, side, [10.0, south])
+    }
+
+    /// Of heights, row by row from the north.
+    fn of(heights: Vec<f64>, side: u32, [west, south]: [f64; 2]) -> Self {
         let step = 1.0 / 3600.0;
-        let map = Affine {
-            x0: 10.0,
-            a: step,
-            b: 0.0,
-            y0: south + step * f64::from(side - 1),
-            d: 0.0,
-            e: -step,
-        };
+        let north = south + step * f64::from(side - 1);
+        let map = Affine { x0: west, a: step, b: 0.0, y0: north, d: 0.0, e: -step };
         let mut means = Means::new([side; 2]);
         for (row, line) in (0..).zip(heights.chunks(side as usize)) {
             means.add(0, row, line);
@@ -208,6 +207,41 @@ proptest! {
             });
             prop_assert_eq!(found, expected);
         }
+    }
+}
+
+/// The ground lies above a border and then below it by what it may. Vertices a step beside it are joined with its ends,
+/// far away: a sample between is in a triangle that goes from where it is below to where it is above.
+#[test]
+fn samples_between_a_border_and_what_is_a_step_beside_it_are_held() {
+    let (id, side) = (TileId { level: 10, x: 1081, y: 776 }, 633);
+    let Bounds { east, south, .. } = id.bounds();
+    let step = tiling::degrees(10) / f64::from(STEPS);
+    for (part, share) in [(0.1, 0.62), (0.4, 0.62), (0.6, 0.62), (0.65, 0.55), (0.8, 0.64)] {
+        // The last column is a part of a step of positions from the border.
+        let west = east - part * step - f64::from(side - 1) / 3600.0;
+        let bump = |along: f64, middle: f64| (1.0 - (along - middle).abs() / 0.1).max(0.0);
+        let height = |i: u32| {
+            let along = 1.0 - f64::from(i / side) / f64::from(side - 1);
+            share * tiling::level_error(10) * (bump(along, 0.3) - bump(along, 0.5))
+        };
+        let land = Land::of((0..side * side).map(height).collect(), side, [west, south]);
+        let (level, patch) = (land.level(10), land.patch());
+        let column: Vec<Sample> = (0..side)
+            .map(|row| {
+                Sample::new(land.map.apply(f64::from(side - 1), f64::from(row)), height(row * side))
+            })
+            .collect();
+        let mut builder = Builder::new(id, &level, &patch).unwrap();
+        builder.insert(&[0.3, 0.5].map(|along| column[((1.0 - along) * 632.0) as usize]));
+        let is_held = |_| {
+            let mut shell = builder.shell();
+            column.iter().for_each(|sample| shell.add(*sample, level.tolerance));
+            let beyond = shell.end().1;
+            builder.insert(&beyond);
+            beyond.is_empty()
+        };
+        assert!((0..32).any(is_held), "{part} {share}");
     }
 }
 
