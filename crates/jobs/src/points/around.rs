@@ -261,6 +261,7 @@ mod tests {
         let corners = [Point::new(0, 0, 0), Point::new(9999, 9999, 0)];
         let store = PointStore::empty(Tiling::new(corners, 4_000_000), folder.path(), 50_000);
         store.add(&points).unwrap();
+        assert!(store.points.held() <= 50_000 && store.points.spilled() > 0);
         let hull = store.hull().unwrap();
         assert_eq!(hull.ring(), Hull::of(points.clone()).ring());
         let bins = Bins::new(&points);
