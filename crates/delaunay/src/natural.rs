@@ -36,6 +36,8 @@ pub struct Natural<'a, S> {
     finals: Vec<bool>,
     /// A side of the triangle found last.
     last: u32,
+    /// Room for what a position takes.
+    cavity: Cavity,
 }
 
 /// Why there is no value.
@@ -59,7 +61,8 @@ impl<'a, S: Space> Natural<'a, S> {
         let finals = vec![false; triangulation.numbers() as usize];
         let mut triangles = 0..triangulation.numbers();
         let last = 3 * triangles.find(|&t| triangulation.corners(t).is_some()).unwrap_or(0);
-        Ok(Self { space, hull, window, points, triangulation, finals, last })
+        let cavity = Cavity::default();
+        Ok(Self { space, hull, window, points, triangulation, finals, last, cavity })
     }
 
     /// The height at `q` in steps; at a point its z, and `None` outside the hull. A plane is
@@ -97,8 +100,10 @@ impl<'a, S: Space> Natural<'a, S> {
         if let Some(corner) = arms.iter().position(|arm| arm.is_zero()) {
             return Ok(Some(corners[corner].z.into()));
         }
-        let cavity = Cavity::around(self, q, s)?;
-        Ok(Some(cavity.height(&corners)))
+        let mut cavity = std::mem::take(&mut self.cavity);
+        let found = cavity.open(self, q, s).map(|()| Some(cavity.height(&corners)));
+        self.cavity = cavity;
+        found
     }
 
     fn point_at(&self, q: Position) -> Option<Point> {
@@ -170,6 +175,7 @@ impl<'a, S: Space> Natural<'a, S> {
 }
 
 /// What a position takes from its neighbours. Lengths in steps, relative to the position.
+#[derive(Debug, Default)]
 struct Cavity {
     q: Position,
     /// The neighbours counter-clockwise, and twice the area taken from each.
@@ -181,23 +187,28 @@ struct Cavity {
     edges: Vec<([f64; 2], [f64; 2], Point, Point)>,
     /// An edge of the hull that the position lies on.
     on: Option<[Point; 2]>,
+    /// Sides to cross, each with the centre on this side of it.
+    open: Vec<(u32, [f64; 2])>,
 }
 
 impl Cavity {
-    /// The cavity around the triangle of side `s`.
-    fn around<S: Space>(
+    /// Becomes the cavity of a position around the triangle of side `s`.
+    fn open<S: Space>(
+        &mut self,
         of: &mut Natural<'_, S>,
         q: Position,
         s: u32,
-    ) -> std::result::Result<Self, Stop> {
-        let (border, centres, edges) = (vec![], vec![], vec![]);
-        let mut cavity = Self { q, border, centres, edges, on: None };
+    ) -> std::result::Result<(), Stop> {
+        (self.q, self.on) = (q, None);
+        self.border.clear();
+        self.centres.clear();
+        self.edges.clear();
+        self.open.clear();
         let disc = Disc::around(of.corners(s).map(|p| site(&p)));
         of.check_final(s, &disc)?;
         let centre = disc.centre_from(q);
-        // Sides to cross, each with the centre on this side of it.
-        let mut open = vec![(prev(s), centre), (next(s), centre), (s, centre)];
-        while let Some((s, centre)) = open.pop() {
+        self.open.extend([(prev(s), centre), (next(s), centre), (s, centre)]);
+        while let Some((s, centre)) = self.open.pop() {
             let [u, v] = [s, next(s)].map(|s| of.point(s).unwrap_or_default());
             let twin = of.triangulation.twin(s);
             let mut beyond = None;
@@ -209,14 +220,13 @@ impl Cavity {
             }
             match beyond {
                 Some(other) => {
-                    cavity.edges.push((centre, other, v, u));
-                    open.push((prev(twin), other));
-                    open.push((next(twin), other));
+                    self.edges.push((centre, other, v, u));
+                    self.open.extend([(prev(twin), other), (next(twin), other)]);
                 }
-                None => cavity.close(centre, u, v),
+                None => self.close(centre, u, v),
             }
         }
-        Ok(cavity)
+        Ok(())
     }
 
     /// Takes an edge into the border.
@@ -235,7 +245,7 @@ impl Cavity {
     /// The height: that of the plane of the triangle around the position, plus the weighted deviation
     /// of the neighbours from it. That is the weighted height, but rounding of the weights does not
     /// touch what is plane.
-    fn height(mut self, corners: &[Point; 3]) -> f64 {
+    fn height(&mut self, corners: &[Point; 3]) -> f64 {
         if let Some([u, v]) = self.on {
             return along_edge(u, v, self.q);
         }

@@ -7,7 +7,7 @@ pub const FRACTION: u32 = 8;
 
 /// A position in 1/256 steps: whole numbers, so that containment is exact. Magnitudes at most 2^38,
 /// that is 2^30 steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Position {
     /// East, in 1/256 steps.
     pub x: i64,

@@ -4,11 +4,41 @@ use super::fork::{Fork, Serial};
 use super::knit::{self, GHOST, Part, Side, next, prev};
 use super::order::{Ordered, order};
 use super::predicates::{Site, in_circle, orient};
+use std::cell::Cell;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
 /// Most points: their sides are numbered in 32 bits.
 pub const MOST_POINTS: usize = (u32::MAX / 6) as usize;
+
+/// Most sides of which a thread keeps the room from one triangulation to the next: as many as those of half a million
+/// points.
+const MOST_KEPT: usize = 3 << 20;
+
+thread_local! {
+    /// Room for sides: to have it anew for each of many parts of a cloud costs more than to fill it.
+    static SIDES: Cell<Vec<Side>> = const { Cell::new(Vec::new()) };
+}
+
+/// Room for `count` sides, which hold anything.
+fn room(count: usize) -> Vec<Side> {
+    let mut sides = SIDES.take();
+    if sides.capacity() < count {
+        // Gone before the larger one is made.
+        drop(sides);
+        return vec![Side::default(); count];
+    }
+    sides.resize(count, Side::default());
+    sides
+}
+
+impl Drop for Triangulation {
+    fn drop(&mut self) {
+        if self.sides.capacity() <= MOST_KEPT {
+            SIDES.set(std::mem::take(&mut self.sides));
+        }
+    }
+}
 
 /// The Delaunay triangulation of points: unique for a set of positions (see
 /// [`in_circle`](super::in_circle)), whatever order they come in and however the work is forked.
@@ -46,7 +76,7 @@ impl Triangulation {
         let mut ordered = order(points, fork);
         let mut sides = vec![];
         if ordered.sites.len() >= 2 {
-            sides = vec![Side::default(); knit::sides_of(ordered.sites.len())];
+            sides = room(knit::sides_of(ordered.sites.len()));
             let (sites, ids) = (&mut ordered.sites[..], &mut ordered.ids[..]);
             knit::triangulate(&mut Part { first: 0, sites, ids, sides: &mut sides }, fork);
         }
