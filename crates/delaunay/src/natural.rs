@@ -460,6 +460,39 @@ mod tests {
     }
 
     #[test]
+    fn positions_that_need_more_leave_no_trace() {
+        let (mut asked, mut found) = (0, 0);
+        for (name, points) in oracle::awkward(400) {
+            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let all = Loaded::whole(&bins);
+            let mut whole = Natural::new(&all, &hull, &bins.window()).unwrap();
+            let bounds = bins.window();
+            let middle = i32::midpoint(bounds.low[0], bounds.high[0]);
+            let known = Window { low: bounds.low, high: [middle, bounds.high[1]] };
+            let inside: Vec<_> =
+                points.iter().filter(|p| known.contains(site(p))).copied().collect();
+            let bins = Bins::new(&inside);
+            let space = Loaded { bins: &bins, known, bounds, coverage: None };
+            let mut part = Natural::new(&space, &hull, &known).unwrap();
+            for q in positions(1000, 20_000).into_iter().filter(|q| known.contains(q.floor())) {
+                match part.height(q).unwrap() {
+                    Err(_) => asked += 1,
+                    Ok(height) => {
+                        let expected = whole.height(q).unwrap().unwrap();
+                        assert_eq!(
+                            height.map(f64::to_bits),
+                            expected.map(f64::to_bits),
+                            "{name} {q:?}"
+                        );
+                        found += 1;
+                    }
+                }
+            }
+        }
+        assert!(asked > 100 && found > 100, "{asked} {found}");
+    }
+
+    #[test]
     fn what_is_final_is_the_same_to_the_last_bit() {
         let mut asked = 0;
         for (name, points) in oracle::awkward(400) {
