@@ -52,6 +52,10 @@ const provided = (folder, url) =>
     ? Cesium.Cesium3DTilesTerrainProvider.fromUrl(`${url}/tileset.json`, { requestVertexNormals: true })
     : Cesium.CesiumTerrainProvider.fromUrl(url, { requestVertexNormals: true });
 
+// Degrees that places are asked for within the globe's ends: CesiumJS may find a place that lies on the very side of a
+// tile in no triangle, by rounding, and tells 0 of it.
+const WITHIN = 1e-9;
+
 // Every tile as a provider of terrain of CesiumJS takes it, and the heights that it tells of places, by level.
 export const cesium = (folder, places) =>
   served(folder, async (url) => {
@@ -75,7 +79,10 @@ export const cesium = (folder, places) =>
       }
     }
     for (const level of new Set(tiles.map(({ level }) => level))) {
-      const asked = places.map(([longitude, latitude]) => Cesium.Cartographic.fromDegrees(longitude, latitude));
+      const asked = places.map(([longitude, latitude]) => {
+        const within = Math.min(Math.max(longitude, WITHIN - 180), 180 - WITHIN);
+        return Cesium.Cartographic.fromDegrees(within, latitude);
+      });
       await Cesium.sampleTerrain(provider, level, asked);
       heights.set(level, asked.map(({ height }) => height));
     }
