@@ -33,6 +33,7 @@ mod plan_cloud;
 mod plan_grid;
 mod plan_matrix;
 mod points;
+mod points_inputs;
 mod print;
 mod relief;
 mod resume;

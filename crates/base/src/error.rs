@@ -234,6 +234,16 @@ impl Error {
         self
     }
 
+    /// Adds what else the user can do to what is attached.
+    #[must_use]
+    pub fn or(self, otherwise: &str) -> Self {
+        let remedy = match &self.remedy {
+            Some(remedy) => format!("{remedy}, or {otherwise}"),
+            None => otherwise.to_owned(),
+        };
+        self.remedy(remedy)
+    }
+
     /// The kind of failure.
     pub fn kind(&self) -> ErrorKind {
         self.kind

@@ -1,33 +1,55 @@
 //! What the files of a cloud must agree in: their coordinate reference system.
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Crs;
+use terrane_base::geom::{Crs, Heights};
 use terrane_files::{path_of, shown};
 
 use super::member::File;
 
-/// The system of all files; `given` is that of files that name none.
+/// The system of all files, and what is to be said of it; `given` is that of files that name none. Heights are those
+/// of the first file that says what they are.
 ///
 /// # Errors
 /// Two files of different systems.
-pub(super) fn crs(names: &[String], files: &[File], given: Option<&Crs>) -> Result<Crs> {
+pub(super) fn crs(
+    names: &[String],
+    files: &[File],
+    given: Option<&Crs>,
+) -> Result<(Crs, Option<String>)> {
     let of = |file: &File| match (file.crs(), given) {
         (crs, Some(given)) if !crs.is_named() => given.clone(),
         (crs, _) => crs.clone(),
     };
-    let mut systems = names.iter().zip(files.iter().map(of));
-    let Some((first, system)) = systems.next() else { return Ok(Crs::default()) };
-    for (name, other) in systems {
+    let says = |crs: &Crs| crs.vertical_unit.is_some() || crs.heights() != Heights::Unknown;
+    let (mut known, mut silent): (Option<(&str, Crs)>, Option<&str>) = (None, None);
+    for (name, other) in names.iter().zip(files.iter().map(of)) {
+        let is_silent = !says(&other);
+        if is_silent {
+            silent = silent.or(Some(name));
+        }
+        let Some((first, system)) = &known else {
+            known = Some((name, other));
+            continue;
+        };
         if !system.agrees(&other) {
-            return Err(differ((first, &system), (name, &other)));
+            return Err(differ((first, system), (name, &other)));
         }
         if let (Some(a), Some(b)) = (&system.vertical_unit, &other.vertical_unit)
             && a != b
         {
-            return Err(differ_in_units((first, &system), (name, &other)));
+            return Err(differ_in_units((first, system), (name, &other)));
+        }
+        if !is_silent && !says(system) {
+            known = Some((name, other));
         }
     }
-    Ok(system)
+    let Some((name, system)) = known else { return Ok(Default::default()) };
+    let silent = silent.filter(|_| says(&system));
+    let note = silent.map(|silent| {
+        let (silent, name) = (shown(silent), shown(name));
+        format!("{silent} does not say what its heights are: they are taken for such as {name} has")
+    });
+    Ok((system, note))
 }
 
 fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {

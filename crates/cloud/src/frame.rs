@@ -177,6 +177,7 @@ fn shifted(claims: &[Claim], axes: [Axis; 3]) -> Result<Common> {
 
 fn rounded(claims: &[Claim]) -> Result<Common> {
     let mut frame = Frame { scale: [1.0; 3], offset: [0.0; 3] };
+    let mut moved = [0.0; 3];
     for axis in 0..3 {
         let scale = claims.iter().map(|c| c.scale[axis]).fold(f64::INFINITY, f64::min);
         let low = claims.iter().map(|c| c.world(c.low)[axis]).fold(f64::INFINITY, f64::min);
@@ -187,10 +188,22 @@ fn rounded(claims: &[Claim]) -> Result<Common> {
             return Err(wide());
         }
         let origin = origin(first as i64, last as i64).ok_or_else(wide)?;
-        (frame.scale[axis], frame.offset[axis]) = (scale, Ruler::new(scale, 0.0).at(origin));
+        let offset = Ruler::new(scale, 0.0).at(origin);
+        (frame.scale[axis], frame.offset[axis]) = (scale, offset);
+        if !claims.iter().all(|claim| is_within(claim, axis, (scale, offset))) {
+            moved[axis] = scale / 2.0;
+        }
     }
     let maps = vec![Map::Round(frame); claims.len()];
-    Ok(Common { frame, maps, moved: frame.scale.map(|scale| scale / 2.0) })
+    Ok(Common { frame, maps, moved })
+}
+
+/// Whether all steps of a file are steps of another lattice, too.
+fn is_within(claim: &Claim, axis: usize, (scale, offset): (f64, f64)) -> bool {
+    let times = claim.scale[axis] / scale;
+    let steps = (claim.offset[axis] - offset) / scale;
+    let is_whole = |value: f64, slack: f64| (value - value.round()).abs() <= slack;
+    is_whole(times, 4.0 * f64::EPSILON * times) && is_whole(steps, SLACK)
 }
 
 #[cfg(test)]
@@ -239,6 +252,9 @@ mod tests {
         assert_eq!(found.maps[0].place([123; 3], &a), Point::new(1230, 1230, 1230));
         assert_eq!(found.moved, [0.0005; 3]);
         assert_eq!(common(&[b, a]).unwrap().frame, found.frame);
+        // What is on the finer lattice already does not move.
+        let finer = claim(0.001, 7.0, 1.0, 2.0);
+        assert_eq!(common(&[a, finer]).unwrap().moved, [0.0; 3]);
     }
 
     #[test]

@@ -250,10 +250,10 @@ impl Member {
         Some([lower, std::array::from_fn(|axis| high[axis] + scale[axis])])
     }
 
-    /// What became of the points of a part of which so many are lost.
+    /// What became of the points of a part of which so many are lost; those outside are, too.
     fn with_lost(&self, part: usize, census: Census, points: u64) -> Census {
-        if points > 0 {
-            lock(&self.lost).insert(part, points);
+        if points + census.outside > 0 {
+            lock(&self.lost).insert(part, points + census.outside);
         }
         Census { read: census.read + points, lost: census.lost + points, ..census }
     }
@@ -337,10 +337,11 @@ impl Member {
                 )
             }
             File::Text(file) => {
+                let size = file.format().size();
                 file.records(part, self.salvage, &mut |first, lines: &[text::Line]| {
                     let records: Vec<_> = lines.iter().map(text::Line::record).collect();
                     taker
-                        .take(first, records.iter().map(|r| (r.as_slice(), New::of(r))))
+                        .take(first, records.iter().map(|r| (&r[..size], New::of(r))))
                         .map_err(|e| e.in_file(&file.path))
                 })
             }

@@ -267,7 +267,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
 
 /// Files to a cloud.
 fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<Cloud> {
-    let crs = agree::crs(&names, &files, options.crs.as_ref())?;
+    let (crs, heights) = agree::crs(&names, &files, options.crs.as_ref())?;
     let claims: Vec<Option<Claim>> = files.iter().map(File::claim).collect();
     let touching: Vec<Option<Claim>> =
         claims.iter().map(|claim| claim.as_ref()?.within(&options.filter)).collect();
@@ -292,7 +292,7 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     let parts = parts(&members, &options.filter);
     let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
-    let notes = notes(&names, &members, &info, common.moved);
+    let notes = notes(&names, &members, &info, (common.moved, heights));
     Ok(Cloud { info, names, members, claims: ends, parts, notes, lattice })
 }
 
@@ -349,7 +349,12 @@ fn parts(members: &[Member], filter: &Filter) -> Vec<(u32, u32)> {
     members.iter().enumerate().flat_map(of).collect()
 }
 
-fn notes(names: &[String], members: &[Member], info: &CloudInfo, moved: [f64; 3]) -> Vec<String> {
+fn notes(
+    names: &[String],
+    members: &[Member],
+    info: &CloudInfo,
+    (moved, heights): ([f64; 3], Option<String>),
+) -> Vec<String> {
     let of = |(name, member): (&String, &Member)| {
         let tell = |note: &String| match names.len() {
             1 => note.clone(),
@@ -370,6 +375,7 @@ fn notes(names: &[String], members: &[Member], info: &CloudInfo, moved: [f64; 3]
              by {x} x {y} x {z} at most"
         ));
     }
+    notes.extend(heights);
     notes.extend(agree::notes(&info.crs));
     notes
 }

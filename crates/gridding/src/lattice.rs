@@ -202,8 +202,8 @@ const WHOLE: f64 = 1e-12;
 const NEAR_STEP: f64 = 1e-4;
 /// Cells of more steps than this are measured in world coordinates.
 const MOST_STEPS: f64 = (1_u64 << 31) as f64;
-/// Lattice indices beyond this are cut off: no grid reaches so far.
-const FAR: i64 = 1 << 40;
+/// Lattice indices beyond this are cut off: no grid may reach so far.
+pub const FAR: i64 = 1 << 40;
 
 impl Axis {
     fn new(frame: &Frame, axis: usize, anchor: f64, cell: f64) -> Self {

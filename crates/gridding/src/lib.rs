@@ -24,7 +24,7 @@ pub use block::{Block, Units};
 pub use canopy::Canopy;
 pub use disc::{Scatter, Target};
 pub use fill::fill;
-pub use lattice::{Axis, Edges, Lattice, Unit};
+pub use lattice::{Axis, Edges, FAR, Lattice, Unit};
 pub use plane::Hits;
 pub use recipe::{Band, Recipe, Region, Rules};
 pub use statistic::{

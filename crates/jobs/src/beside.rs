@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::Resources;
-use crate::memory::PROGRAM;
-use terrane_base::error::{Error, ErrorKind, Result};
+use crate::memory::{PROGRAM, short};
+use terrane_base::error::{Error, Result};
 use terrane_files::{name_of, path_of};
 use terrane_vector::{self as vector, Feature, FeatureSource};
 
@@ -67,11 +67,8 @@ impl Beside {
         let (needed, allowed) = (mib(self.bytes(vertices)), resources.memory >> 20);
         let message =
             format!("its {vertices} vertices take {needed} MiB of the {allowed} MiB allowed");
-        Error::new(ErrorKind::Resource, message).in_file(&self.path).remedy(format!(
-            "pass --memory {}M or more, or {}",
-            4 * needed + BESIDE,
-            self.remedy
-        ))
+        let enough = (4 * needed + BESIDE) << 20;
+        short(message, enough).or(&self.remedy).in_file(&self.path)
     }
 }
 

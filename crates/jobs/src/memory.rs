@@ -21,6 +21,8 @@ pub(crate) const PROGRAM: u64 = if cfg!(debug_assertions) { 18 << 20 } else { 16
 const LEAST_BESIDE: u64 = 4 << 20;
 /// Fewest bytes for cache and mesh together.
 const LEAST_SHARED: u64 = 6 << 20;
+/// What else helps where workers take too much.
+const OTHERWISE: &str = "a smaller --tile";
 /// Most bytes for decoded blocks: more than a few rows of them are never read again.
 const MOST_CACHE: u64 = 1 << 30;
 
@@ -68,7 +70,7 @@ pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
 fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<Shares> {
     let least = least(worker, 0).saturating_add(held);
     if memory < least {
-        return Err(too_little(memory, least));
+        return Err(too_little(memory, least).or(OTHERWISE));
     }
     let memory = memory - held;
     let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
@@ -79,13 +81,20 @@ fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<
     Ok(Shares { threads, cache, mesh: mesh - mesh / SLACK })
 }
 
-fn too_little(memory: u64, least: u64) -> Error {
+/// The error of a job that takes `least` bytes.
+pub(crate) fn too_little(memory: u64, least: u64) -> Error {
     let needed = least.div_ceil(1 << 20);
     let allowed = memory as f64 / (1 << 20) as f64;
-    let message =
-        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
-    Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass --memory {needed}M or more, or a smaller --tile"))
+    short(
+        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed"),
+        least,
+    )
+}
+
+/// The error of what memory does not hold, where so many bytes are `enough`.
+pub(crate) fn short(message: impl Into<String>, enough: u64) -> Error {
+    let remedy = format!("pass --memory {}M or more", enough.div_ceil(1 << 20));
+    Error::new(ErrorKind::Resource, message).remedy(remedy)
 }
 
 /// The bytes that a text such as "512M", "4GiB" or "2000000" stands for; `None` for one that is none.
@@ -153,7 +162,7 @@ fn enough(
     let block = look_at(input, options).ok()?.block_bytes();
     let least = least(worker, block).saturating_add(held);
     let is_enough = block <= MOST_CACHE && least > resources.memory;
-    let error = is_enough.then(|| too_little(resources.memory, least))?;
+    let error = is_enough.then(|| too_little(resources.memory, least).or(OTHERWISE))?;
     // Where polygons are among what takes it, they are named.
     Some(match &options.clip {
         Some(clip) => error.at("with its polygons").in_file(clip.path()),

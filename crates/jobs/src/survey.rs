@@ -8,11 +8,11 @@ use serde::Serialize;
 
 use super::figures::Figures;
 use super::input::workers;
-use super::memory::PROGRAM;
+use super::memory::{PROGRAM, too_little};
 use super::{Cancel, Progress, Resources};
 use crate::plan::At;
 use crate::records::{Flow, Packer, Records, Take, Unit};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_cloud::synth;
 use terrane_cloud::write::{self, CloudWriter, Layout, Packing, PointFormat, Record, WriteOptions};
 use terrane_synth::cloud::Survey;
@@ -106,9 +106,7 @@ fn options(job: &SurveyJob) -> Result<WriteOptions> {
 fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<Flow> {
     let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
     if parts == 0 {
-        let message = format!("the memory budget of {} bytes is too small", resources.memory);
-        return Err(Error::new(ErrorKind::Resource, message)
-            .remedy(format!("pass --memory {}M or more", (PROGRAM + BYTES_BY_PART) >> 20)));
+        return Err(too_little(resources.memory, PROGRAM + BYTES_BY_PART));
     }
     let parts = parts.min(resources.threads as u64 * PARTS_BY_THREAD);
     let record = flown.layout.size();

@@ -7,8 +7,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::memory::short;
 use crate::{Resources, beside, geoid};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
 use terrane_crs::{Operation, Options, ShiftGrid};
 use terrane_files::{RawFile, name_of, path_of};
@@ -116,8 +117,7 @@ pub(crate) fn check_room(bytes: u64, memory: u64) -> Result<()> {
         return Ok(());
     }
     let message = format!("is held whole, and takes more than a part in {SHARE} of the memory");
-    Err(Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass --memory {}M or more", needed.div_ceil(1 << 20))))
+    Err(short(message, needed))
 }
 
 /// The rectangle that the samples of a grid lie in.

@@ -23,7 +23,7 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use crate::input::{self, Surface};
-use crate::memory::cache_beside;
+use crate::memory::{cache_beside, short};
 use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -160,8 +160,7 @@ fn within_memory(frame: &Frame, pixel_bytes: u64, resources: &Resources) -> Resu
             "a picture of {} x {} pixels needs {mib} MiB of memory",
             frame.width, frame.height,
         );
-        return Err(Error::new(ErrorKind::Resource, message)
-            .remedy(format!("pass --memory {mib}M or more, or a smaller --width")));
+        return Err(short(message, need).or("a smaller --width"));
     }
     Ok(())
 }

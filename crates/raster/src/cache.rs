@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Condvar, Mutex};
 
-use terrane_base::error::Result;
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, wait};
 
 /// A decoded block.
@@ -137,6 +137,13 @@ impl Drop for Claim<'_> {
         drop(state);
         self.cache.changed.notify_all();
     }
+}
+
+/// The error of so many bytes that do not fit in what is left for blocks: of all memory a quarter at the least, beside
+/// the program.
+pub(crate) fn too_large_for_cache(message: String, bytes: u64) -> Error {
+    let remedy = format!("pass --memory {}M or more", 4 * bytes.div_ceil(1 << 20) + 64);
+    Error::new(ErrorKind::Resource, message).remedy(remedy)
 }
 
 #[cfg(test)]

@@ -84,6 +84,11 @@ impl Dimension {
         Bytes(&self.about).text(NAME, NAME_BYTES)
     }
 
+    /// Whether values are the same, whatever is said of them.
+    fn is_alike(&self, other: &Self) -> bool {
+        self.size == other.size && self.about[..ABOUT] == other.about[..ABOUT]
+    }
+
     /// A column for each of its values; none of bytes that are no numbers.
     fn columns(&self, at: usize) -> Vec<Column> {
         let (kind, options) = (usize::from(self.about[KIND]), self.about[OPTIONS]);
@@ -169,11 +174,11 @@ impl Extra {
         for dimension in &other.dimensions {
             let name = dimension.name();
             match self.dimensions.iter().find(|known| known.name() == name) {
-                Some(known) if known == dimension => {}
+                Some(known) if known.is_alike(dimension) => {}
                 None => self.dimensions.push(dimension.clone()),
                 Some(_) => {
                     return Err(Error::unsupported(format!(
-                        "its extra bytes \"{name}\" are of another kind, scale or offset than in other files"
+                        "its extra bytes \"{name}\" are of another kind, scale, offset or value for none than in other files"
                     ))
                     .remedy("write it on its own"));
                 }

@@ -15,7 +15,8 @@ use crate::format::PointFormat;
 use crate::las::{LASZIP, LasFile, Vlr};
 use crate::member::{File, take_room};
 use crate::open::Cloud;
-use crate::write::{Carried, Column, Lines, Packing, Vlr as Record, WriteOptions, columns};
+use crate::text::TextFile;
+use crate::write::{Carried, Column, Lines, Packing, TIME, Vlr as Record, WriteOptions, columns};
 use crate::{Census, CloudInfo, PointSource};
 use extra::Extra;
 pub(crate) use recast::Recast;
@@ -61,6 +62,7 @@ pub(crate) struct Origin<'a> {
     pub(crate) name: &'a str,
     /// `None` for text.
     las: Option<&'a LasFile>,
+    text: Option<&'a TextFile>,
     format: PointFormat,
     extra: Extra,
 }
@@ -104,6 +106,9 @@ impl<'a> Carrier<'a> {
             extra_bytes: fitting(format, &extra)?,
             vlrs: described(&extra).into_iter().chain(vlrs).collect(),
         };
+        if format.has_waves() && packing != Packing::Text {
+            notes.extend(waves(&origins)?);
+        }
         notes.extend(left_out(&origins, format, packing));
         if packing == Packing::Text && extra.has_others() {
             notes.push("extra bytes that are no numbers are left out".to_owned());
@@ -180,10 +185,11 @@ impl Cloud {
     pub(crate) fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
         self.files().iter().zip(self.kinds()).map(|(name, file)| match file {
             File::Las(file) => Origin::of(name, file).map_err(|e| e.in_file(&file.path)),
-            File::Text(_) => Ok(Origin {
+            File::Text(file) => Ok(Origin {
                 name,
                 las: None,
-                format: PointFormat::default(),
+                text: Some(file),
+                format: file.format(),
                 extra: Extra::default(),
             }),
         })
@@ -199,23 +205,27 @@ impl<'a> Origin<'a> {
             None => Vec::new(),
         };
         let extra = Extra::of(&described, file.header.extra_bytes().into())?;
-        Ok(Self { name, las: Some(file), format, extra })
+        Ok(Self { name, las: Some(file), text: None, format, extra })
     }
 
-    /// The columns of its records; none of text, which has no more than all points have.
+    /// The columns of its records; of text those that it has beside what all points have.
     pub(crate) fn columns(&self) -> Vec<Column> {
-        match self.las {
-            Some(_) => columns(self.format, &self.extra.columns(self.format.size())),
-            None => Vec::new(),
+        match self.text {
+            None => columns(self.format, &self.extra.columns(self.format.size())),
+            Some(text) => text.columns(),
         }
     }
 
     fn encoding(&self) -> u16 {
-        self.las.map_or(0, |file| file.header.encoding)
+        let of_text = |text: &TextFile| if text.is_standard { STANDARD_TIME } else { 0 };
+        self.las.map_or(self.text.map_or(0, of_text), |file| file.header.encoding)
     }
 
     fn has_time(&self) -> bool {
-        self.las.is_some() && self.format.places().time.is_some()
+        match self.text {
+            None => self.format.places().time.is_some(),
+            Some(text) => text.columns().iter().any(|column| column.name() == TIME),
+        }
     }
 }
 
@@ -277,6 +287,27 @@ pub(crate) fn time_of(origins: &[Origin<'_>]) -> Result<u16> {
         .in_file(&path_of(other.name))
         .remedy("write them on their own, or bring their times into one")),
         _ => Ok(time),
+    }
+}
+
+/// What is to be said of waveforms, which are in a file beside that of the points, at places that these know.
+///
+/// # Errors
+/// Waveforms of several files: each has its own.
+fn waves(origins: &[Origin<'_>]) -> Result<Option<String>> {
+    let mut waved = origins.iter().filter(|origin| origin.encoding() & WAVES_BESIDE > 0);
+    let Some(first) = waved.next() else { return Ok(None) };
+    match waved.next() {
+        Some(other) => Err(Error::unsupported(format!(
+            "its waveforms are in a file of their own, as those of {} are, and points of both cannot be in one file",
+            shown(first.name)
+        ))
+        .in_file(&path_of(other.name))
+        .remedy("write them on their own, or leave waveforms out with --point-format 6")),
+        None => Ok(Some(format!(
+            "waveforms stay where they are, in the .wdp file beside {}: copy it to the name of the output with .wdp",
+            shown(first.name)
+        ))),
     }
 }
 

@@ -49,7 +49,7 @@ impl<'a> Sight<'a> {
         let recast = |file: &File| {
             let own = match file {
                 File::Las(file) => PointFormat::new(file.header.format)?,
-                File::Text(_) => PointFormat::default(),
+                File::Text(file) => file.format(),
             };
             Ok(Recast::new((own, &none), (format, &none)))
         };

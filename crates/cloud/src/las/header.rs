@@ -35,6 +35,8 @@ pub(crate) struct Header {
     pub(crate) high: [f64; 3],
     pub(super) evlrs_at: u64,
     pub(super) evlrs: u32,
+    /// Where waveforms in the file begin, from version 1.3 on.
+    waves_at: u64,
     pub(crate) system: String,
     pub(crate) software: String,
     /// Day of the year, and year.
@@ -84,6 +86,7 @@ impl Header {
             low: triple(187, 16),
             evlrs_at: if is_long { b.u64(235) } else { 0 },
             evlrs: if is_long { b.u32(243) } else { 0 },
+            waves_at: if [b.u8(24), b.u8(25)] >= [1, 3] { b.u64(227) } else { 0 },
             system: b.text(26, 32),
             software: b.text(58, 32),
             created: [b.u16(90), b.u16(92)],
@@ -150,6 +153,13 @@ impl Header {
             }
         }
         Ok(())
+    }
+
+    /// Where something else than points begins, in a file of so many bytes.
+    pub(crate) fn points_end(&self, len: u64) -> u64 {
+        let others = [(self.evlrs > 0).then_some(self.evlrs_at), Some(self.waves_at)];
+        let behind = others.into_iter().flatten().filter(|at| *at >= self.points_at);
+        behind.fold(len, u64::min)
     }
 
     /// True for formats 6 to 10.

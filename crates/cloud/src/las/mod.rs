@@ -81,7 +81,7 @@ impl LasFile {
         };
         let is_copc = nodes.is_some();
         let parts = match (&layout, nodes) {
-            (None, _) => parts::plain(&header, file.size(), salvage)?,
+            (None, _) => parts::plain(&header, file.size(), salvage, &mut notes)?,
             (Some(_), Some(nodes)) => parts::octree(nodes),
             (Some(layout), None) => parts::packed(file, &header, layout, salvage, &mut notes)?,
         };

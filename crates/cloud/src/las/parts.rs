@@ -72,9 +72,16 @@ impl Part {
 }
 
 /// Runs of uncompressed records.
-pub(super) fn plain(header: &Header, len: u64, salvage: bool) -> Result<Vec<Part>> {
+pub(super) fn plain(
+    header: &Header,
+    len: u64,
+    salvage: bool,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Part>> {
     let record = u64::from(header.record);
     let there = (len - header.points_at) / record;
+    let room = header.points_end(len).saturating_sub(header.points_at) / record;
+    notes.extend(more(header.count, room, salvage)?);
     let count = header.count.min(there);
     if count < header.count && !salvage {
         return Err(lacking(header.count, there));
@@ -93,6 +100,23 @@ fn lacking(claimed: u64, there: u64) -> Error {
         "file is truncated or damaged: {claimed} points claimed, {there} there"
     ))
     .remedy("copy the file again, or read the good part with --salvage")
+}
+
+/// What is to be said of points that no header counts.
+///
+/// # Errors
+/// All points are such: whoever wrote them was stopped before the count was known.
+fn more(claimed: u64, there: u64, salvage: bool) -> Result<Option<String>> {
+    let Some(more) = there.checked_sub(claimed).filter(|more| *more > 0) else { return Ok(None) };
+    match claimed == 0 && !salvage {
+        true => Err(Error::bad_input(format!(
+            "its header claims no points, and there is room for {there}: it was not written to its end"
+        ))
+        .remedy("put the count and the bounds into the header, for example with lasinfo -repair")),
+        false => Ok(Some(format!(
+            "behind the {claimed} points that the header claims there is room for {more}, which are not read"
+        ))),
+    }
 }
 
 /// The nodes of an octree.
@@ -114,8 +138,9 @@ pub(super) fn packed(
     salvage: bool,
     notes: &mut Vec<String>,
 ) -> Result<Vec<Part>> {
-    let (table, note) = laz::table(file, header, layout, salvage)?;
-    notes.extend(note);
+    let (table, found) = laz::table(file, header, layout, salvage)?;
+    notes.extend(found.note);
+    notes.extend(more(header.count, header.count + found.more, salvage)?);
     let parts = match table {
         Table::Stream(chunk) if chunk.points == 0 => Vec::new(),
         Table::Stream(chunk) => vec![Part::new(Kind::Stream, 0, chunk)],

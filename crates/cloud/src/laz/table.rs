@@ -38,29 +38,40 @@ pub(crate) enum Table {
     Stream(Chunk),
 }
 
+/// What else is found.
+#[derive(Default)]
+pub(crate) struct Found {
+    /// What is odd.
+    pub(crate) note: Option<String>,
+    /// Points that the table has room for, beyond those that the header claims.
+    pub(crate) more: u64,
+}
+
 /// The table of `file`; with `salvage`, what can be made out without it where it is damaged.
 pub(crate) fn read(
     file: &RawFile,
     header: &Header,
     layout: &Layout,
     salvage: bool,
-) -> Result<(Table, Option<String>)> {
+) -> Result<(Table, Found)> {
     let start = header.points_at;
     if layout.compressor == Compressor::Stream {
         let bytes = file.size() - start;
-        return Ok((Table::Stream(Chunk { at: start, bytes, points: header.count }), None));
-    }
-    if header.count == 0 {
-        return Ok((Table::Chunks(Vec::new()), None));
+        return Ok((
+            Table::Stream(Chunk { at: start, bytes, points: header.count }),
+            Found::default(),
+        ));
     }
     let first = start.saturating_add(POINTER_BYTES);
     let found = entries(file, header, layout, first);
     match found {
-        Ok(chunks) => Ok((Table::Chunks(chunks), None)),
+        Ok((chunks, more)) => Ok((Table::Chunks(chunks), Found { note: None, more })),
+        // Without points there need not be any.
+        Err(_) if header.count == 0 => Ok((Table::Chunks(Vec::new()), Found::default())),
         Err(missing) if salvage || missing.is_unfinished => {
             let table = without(file, header, layout, first)?;
             let note = format!("{}; chunks were found without it", missing.what);
-            Ok((table, Some(note)))
+            Ok((table, Found { note: Some(note), more: 0 }))
         }
         Err(missing) => Err(Error::bad_input(missing.what)
             .remedy("copy the file again, or read the good part with --salvage")),
@@ -102,13 +113,14 @@ fn place(file: &RawFile, first: u64) -> std::result::Result<u64, Missing> {
     }
 }
 
-/// The entries, which lie in the file one after the other from `first` on and hold all points.
+/// The entries, which lie in the file one after the other from `first` on and hold all points; and how many more there
+/// is room for.
 fn entries(
     file: &RawFile,
     header: &Header,
     layout: &Layout,
     first: u64,
-) -> std::result::Result<Vec<Chunk>, Missing> {
+) -> std::result::Result<(Vec<Chunk>, u64), Missing> {
     let place = place(file, first)?;
     let unreadable = |e: Error| missing(e.to_string());
     let head = file.read_vec(place, HEAD_BYTES).map_err(unreadable)?;
@@ -150,8 +162,8 @@ fn placed(
     count: u64,
     chunk_points: Option<u32>,
     room: std::ops::Range<u64>,
-) -> std::result::Result<Vec<Chunk>, Missing> {
-    let (mut at, mut left) = (room.start, count);
+) -> std::result::Result<(Vec<Chunk>, u64), Missing> {
+    let (mut at, mut left, mut more) = (room.start, count, 0);
     let mut chunks = Vec::with_capacity(sizes.len());
     for (number, (points, bytes)) in sizes.iter().enumerate() {
         let bytes = u64::from(*bytes);
@@ -161,9 +173,12 @@ fn placed(
                 room.end - at
             )));
         }
-        let points = u64::from(chunk_points.unwrap_or(*points)).min(left);
+        let all = u64::from(chunk_points.unwrap_or(*points));
+        let points = all.min(left);
         if points > 0 {
             chunks.push(Chunk { at, bytes, points });
+        } else {
+            more += all;
         }
         (at, left) = (at + bytes, left - points);
     }
@@ -175,7 +190,7 @@ fn placed(
         let has = count - left;
         return Err(missing(format!("the chunk table has {has} of {count} points")));
     }
-    Ok(chunks)
+    Ok((chunks, more))
 }
 
 /// The chunks of a file without a table: layered ones tell their own lengths, and where others end is

@@ -4,6 +4,7 @@ use crate::Flags;
 use crate::PointFormat;
 use crate::lattice::MOST_DECIMALS;
 use crate::sieve::Raw;
+use crate::write::{self, Column};
 
 /// Largest mantissa that is exact in `f64`, and most decimals that its power of ten is exact for.
 const EXACT_MANTISSA: u64 = 1 << 53;
@@ -20,6 +21,27 @@ const NAMES: [&[&str]; 6] = [
 ];
 /// Of these, x, y and z must be there.
 const NEEDED: usize = 3;
+/// Other names of fields than those that we write.
+const ALIASES: [(&str, &str); 11] = [
+    ("time", "gpstime"),
+    ("i", "intensity"),
+    ("nir", "infrared"),
+    ("sourceid", "pointsourceid"),
+    ("scananglerank", "scanangle"),
+    ("angle", "scanangle"),
+    ("scandirectionflag", "scandirection"),
+    ("channel", "scannerchannel"),
+    ("keypointflag", "keypoint"),
+    ("withheldflag", "withheld"),
+    ("overlapflag", "overlap"),
+];
+/// Colours by their letters.
+const COLOURS: [(&str, &str); 3] = [("r", "red"), ("g", "green"), ("b", "blue")];
+/// The format that has all fields of text, and the bytes of its records.
+const WIDEST: u8 = 8;
+const RECORD: usize = PointFormat::NEW + 8;
+/// Most names of columns that a note tells.
+const MOST_TOLD: usize = 12;
 
 /// A point of a text file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,12 +49,23 @@ pub(crate) struct Line {
     pub(super) xyz: [i32; 3],
     pub(super) class: u8,
     pub(super) returns: [u8; 2],
+    pub(super) fields: Fields,
+}
+
+/// A record with what other columns have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fields([u8; RECORD]);
+
+impl Default for Fields {
+    fn default() -> Self {
+        Self([0; RECORD])
+    }
 }
 
 impl Line {
-    /// As a record of point format 6.
-    pub(crate) fn record(&self) -> [u8; PointFormat::NEW] {
-        let (mut record, [number, returns]) = ([0; PointFormat::NEW], self.returns);
+    /// As a record of the widest format, which those of others from 6 on begin like.
+    pub(crate) fn record(&self) -> [u8; RECORD] {
+        let (Fields(mut record), [number, returns]) = (self.fields, self.returns);
         record[..12].copy_from_slice(self.xyz.map(i32::to_le_bytes).as_flattened());
         record[14] = number.min(15) | returns.min(15) << 4;
         record[16] = self.class;
@@ -54,7 +87,7 @@ impl Raw for Line {
     }
 
     fn flags(self) -> Flags {
-        Flags::default()
+        PointFormat::default().flags(&self.fields.0)
     }
 }
 
@@ -64,6 +97,10 @@ pub(super) struct Grammar {
     separator: Separator,
     /// Which column holds which of [`NAMES`].
     columns: [Option<usize>; NAMES.len()],
+    /// Fields of records, and the columns that hold them.
+    fields: Vec<(usize, Column)>,
+    /// Names of columns that are not read.
+    others: Vec<String>,
     /// True when the first line names columns.
     pub(super) has_heading: bool,
     /// Columns of the first line, and so of all.
@@ -85,6 +122,7 @@ pub(super) struct Values {
     pub(super) decimals: [u8; 3],
     pub(super) class: u8,
     pub(super) returns: [u8; 2],
+    pub(super) fields: Fields,
 }
 
 /// What a line holds: `None` for empty ones and comments.
@@ -104,6 +142,8 @@ impl Grammar {
         let mut plain = Self {
             separator,
             columns: [Some(0), Some(1), Some(2), None, None, None],
+            fields: Vec::new(),
+            others: Vec::new(),
             has_heading: false,
             count: 0,
         };
@@ -113,17 +153,87 @@ impl Grammar {
             return Ok(plain);
         }
         let names: Vec<String> = plain.fields(line).map(column_name).collect();
+        let mut names = names;
+        // Beside g and b, r is no return.
+        if COLOURS.iter().all(|(short, _)| names.iter().any(|name| name == short)) {
+            for (short, colour) in COLOURS {
+                names.iter_mut().filter(|name| *name == short).for_each(|n| *n = colour.to_owned());
+            }
+        }
         let columns = NAMES.map(|known| names.iter().position(|n| known.contains(&n.as_str())));
         match columns[..NEEDED].iter().position(Option::is_none) {
             Some(missing) => Err(format!("the heading names no {}", NAMES[missing][0])),
-            None => Ok(Self { columns, has_heading: true, ..plain }),
+            None => {
+                let told = plain.fields(line).map(|name| String::from_utf8_lossy(name).into());
+                let told: Vec<String> = told.collect();
+                Ok(Self { columns, has_heading: true, ..plain }.with_fields(&names, &told))
+            }
         }
     }
 
+    /// With the fields that columns are named after, each of the first that is.
+    fn with_fields(mut self, names: &[String], told: &[String]) -> Self {
+        let all = PointFormat::new(WIDEST).map_or_else(|_| Vec::new(), |f| write::columns(f, &[]));
+        for (number, (name, told)) in names.iter().zip(told).enumerate() {
+            if self.columns.contains(&Some(number)) {
+                continue;
+            }
+            let alias = ALIASES.iter().find(|(alias, _)| alias == name);
+            let name = alias.map_or(name.as_str(), |(_, name)| name);
+            let is_new = |field: &&Column| self.fields.iter().all(|(_, own)| own != *field);
+            let found = all.iter().find(|field| column_name(field.name().as_bytes()) == name);
+            // Classes and returns are columns of their own.
+            let found = found.filter(|_| !NAMES[NEEDED..].iter().any(|own| own.contains(&name)));
+            match found.filter(is_new) {
+                Some(field) => self.fields.push((number, field.clone())),
+                None => self.others.push(told.clone()),
+            }
+        }
+        self
+    }
+
+    /// The point format with all fields that there are columns for.
+    pub(super) fn format(&self) -> PointFormat {
+        let places = PointFormat::new(WIDEST).unwrap_or_default().places();
+        let has = |place: Option<usize>| {
+            self.fields.iter().any(|(_, field)| place.is_some_and(|at| field.at >= at))
+        };
+        let number = match (has(places.infrared), has(places.colour)) {
+            (true, _) => WIDEST,
+            (false, true) => 7,
+            (false, false) => 6,
+        };
+        PointFormat::new(number).unwrap_or_default()
+    }
+
+    /// The time of a point, where a column has it.
+    pub(super) fn time(&self, values: &Values) -> Option<f64> {
+        let (_, field) = self.fields.iter().find(|(_, field)| field.name() == write::TIME)?;
+        Some(field.number(&values.fields.0))
+    }
+
+    /// The fields that there are columns for.
+    pub(super) fn known(&self) -> Vec<Column> {
+        self.fields.iter().map(|(_, field)| field.clone()).collect()
+    }
+
     /// What the columns leave open.
-    pub(super) fn note(&self) -> Option<String> {
+    pub(super) fn notes(&self) -> Vec<String> {
         let text = "no column is named classification: all points have class 0";
-        self.columns[NEEDED].is_none().then(|| text.to_owned())
+        let class = self.columns[NEEDED].is_none().then(|| text.to_owned());
+        let mut others = self.others.iter().take(MOST_TOLD).cloned().collect::<Vec<_>>().join(", ");
+        if self.others.len() > MOST_TOLD {
+            others += ", ...";
+        }
+        let others = match (self.has_heading, self.count.saturating_sub(NEEDED)) {
+            (true, _) if others.is_empty() => None,
+            (true, _) => Some(format!("columns that are not read: {others}")),
+            (false, 0) => None,
+            (false, more) => {
+                Some(format!("no line names the columns: the {more} after the third are not read"))
+            }
+        };
+        class.into_iter().chain(others).collect()
     }
 
     /// The values of a line that holds something.
@@ -163,7 +273,23 @@ impl Grammar {
         values.class = small(found[3], 0)?;
         values.returns[0] = small(found[4], 1)?;
         values.returns[1] = small(found[5], values.returns[0])?;
+        self.set_fields(line, &mut values.fields)?;
         Ok(values)
+    }
+
+    fn set_fields(&self, line: &[u8], Fields(record): &mut Fields) -> Result<(), String> {
+        let mut fields = self.fields(line).enumerate();
+        for (at, field) in &self.fields {
+            let Some((_, text)) = fields.by_ref().find(|(number, _)| number == at) else {
+                return Err(format!("there is no {}", field.name()));
+            };
+            let value = number(text, self.separator == Separator::Semicolon).ok_or_else(|| {
+                let text = String::from_utf8_lossy(&text[..text.len().min(40)]);
+                format!("{text:?} is no {}", field.name())
+            })?;
+            field.set(record, value.0)?;
+        }
+        Ok(())
     }
 
     fn fields<'a>(&self, line: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
@@ -275,6 +401,34 @@ mod tests {
             Grammar::of(b"\"Z\",X,Y,Classification,Return_Number,Number Of Returns").unwrap();
         let values = named.values(b"3,1,2,6,2,3").unwrap();
         assert_eq!((values.world, values.class, values.returns), ([1.0, 2.0, 3.0], 6, [2, 3]));
+        let all =
+            Grammar::of(b"x y z r g b Intensity gps_time withheld scan_angle foo foo").unwrap();
+        let line = b"1 2 3 10 20 30 400 700000.5 1 -12 5 6";
+        let values = all.values(line).unwrap();
+        assert_eq!((all.format().number(), all.time(&values)), (7, Some(700_000.5)));
+        let told: Vec<(String, f64)> = all
+            .known()
+            .iter()
+            .map(|field| (field.name().to_owned(), field.number(&values.fields.0)))
+            .collect();
+        let expected = [
+            ("red", 10.0),
+            ("green", 20.0),
+            ("blue", 30.0),
+            ("intensity", 400.0),
+            ("gps_time", 700_000.5),
+            ("withheld", 1.0),
+            ("scan_angle", -12.0),
+        ];
+        assert_eq!(told, expected.map(|(name, value)| (name.to_owned(), value)));
+        assert_eq!(values.returns, [1, 1]);
+        assert!(all.notes().contains(&"columns that are not read: foo, foo".to_owned()));
+        for bad in ["70000 1 1 1 1 1 0 0 5 6", "1 1 1 1 1 1 2 0 5 6", "1 1 1 1 1 x 0 0 5 6"] {
+            let line = format!("1 2 3 {bad}");
+            assert!(all.values(line.as_bytes()).is_err(), "{line}");
+        }
+        assert_eq!(Grammar::of(b"1 2 3 4 5").unwrap().notes().len(), 2);
+        assert_eq!(Grammar::of(b"x,y,z,nir").unwrap().format().number(), 8);
         let decimal = Grammar::of(b"1,5;2;3,25").unwrap();
         assert_eq!(decimal.values(b"1,5;2;3,25").unwrap().world, [1.5, 2.0, 3.25]);
         assert!(Grammar::of(b"x y w").is_err());

@@ -13,8 +13,10 @@ use terrane_files::{self, RawFile};
 
 use line::{Grammar, Values, content};
 
+use super::PointFormat;
 use super::frame::Claim;
 use super::lattice::{Placed, Span};
+use super::write::Column;
 pub(super) use line::Line;
 
 /// Bytes of a part; lines belong to the part that they begin in.
@@ -23,6 +25,8 @@ const PART_BYTES: u64 = 1 << 20;
 const MOST_LINE: u64 = 4096;
 /// Bytes that a heading and comments before it may take.
 const HEADING_BYTES: u64 = 1 << 16;
+/// Seconds of a week: what counts further is no time of a week.
+const WEEK: f64 = 604_800.0;
 /// Points that are handed on at a time.
 const BLOCK: usize = 8192;
 
@@ -35,6 +39,8 @@ pub(super) struct TextFile {
     pub(super) lattice: Frame,
     pub(super) parts: Vec<Part>,
     pub(super) notes: Vec<String>,
+    /// Times are no seconds of a week, so they are adjusted standard GPS times.
+    pub(super) is_standard: bool,
     len: u64,
     lines: Lines,
     placed: Placed,
@@ -57,6 +63,8 @@ struct Survey {
     points: u64,
     lines: u64,
     span: Span,
+    /// Least and largest time, where there are times.
+    times: Option<[f64; 2]>,
     /// The first of these lines without a point, from 0, and what is wrong with it.
     bad: Option<(u64, String)>,
 }
@@ -95,6 +103,7 @@ impl TextFile {
             parts.push(Part { points: survey.points, first, at: *at });
             first += survey.points;
         }
+        let all_times = surveys.iter().filter_map(|survey| survey.times).reduce(wider);
         let all = surveys.into_iter().fold(Span::default(), |all, found| all.join(&found.span));
         let placed = Placed::of(&all)?;
         Ok(Self {
@@ -102,12 +111,23 @@ impl TextFile {
             crs: crs_beside(path)?,
             lattice: placed.lattice(),
             claim: placed.claim(&all),
-            notes: placed.note.iter().cloned().chain(lines.grammar.note()).collect(),
+            notes: placed.note.iter().cloned().chain(lines.grammar.notes()).collect(),
+            is_standard: all_times.is_some_and(|[low, high]| low < 0.0 || high >= WEEK),
             parts,
             len: file.size(),
             lines,
             placed,
         })
+    }
+
+    /// The point format that has all that its lines have.
+    pub(super) fn format(&self) -> PointFormat {
+        self.lines.grammar.format()
+    }
+
+    /// The fields of records that its lines have, but for classes and returns.
+    pub(super) fn columns(&self) -> Vec<Column> {
+        self.lines.grammar.known()
     }
 
     /// Where its points lie; `None` without points.
@@ -116,7 +136,8 @@ impl TextFile {
     }
 
     fn line(&self, values: &Values) -> Line {
-        Line { xyz: self.placed.place(values.world), class: values.class, returns: values.returns }
+        let Values { world, class, returns, fields, .. } = *values;
+        Line { xyz: self.placed.place(world), class, returns, fields }
     }
 
     /// Hands on the points of a part; returns how many lines hold none.
@@ -211,7 +232,11 @@ impl Lines {
         let (mut survey, mut line) = (Survey::default(), 0);
         survey.lines = self.each(file, at, |text| {
             match self.grammar.values(text) {
-                Ok(values) => survey.span.add(values.world, values.decimals),
+                Ok(values) => {
+                    survey.span.add(values.world, values.decimals);
+                    let time = self.grammar.time(&values).map(|time| [time; 2]);
+                    survey.times = survey.times.into_iter().chain(time).reduce(wider);
+                }
                 Err(_) if salvage => {}
                 Err(what) => survey.bad = survey.bad.take().or(Some((line, what))),
             }
@@ -221,6 +246,11 @@ impl Lines {
         })?;
         Ok(survey)
     }
+}
+
+/// The range around two.
+fn wider([low, high]: [f64; 2], [from, to]: [f64; 2]) -> [f64; 2] {
+    [low.min(from), high.max(to)]
 }
 
 fn not_points(what: String) -> Error {

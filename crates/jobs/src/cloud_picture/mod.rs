@@ -13,12 +13,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::input::workers;
-use crate::memory::{PROGRAM, beside_program};
+use crate::memory::{PROGRAM, beside_program, short};
 use crate::records::choice::ordered;
 use crate::view::write_png;
 use crate::{Cancel, FileAt, Progress, Resources};
 use paint::Sheet;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{Cloud, CloudInfo, PointSource, Seen, Sight};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
@@ -148,10 +148,10 @@ fn threads(cells: &Cells, resources: &Resources) -> Result<usize> {
     let need = count * CELL_BYTES + PAINTING;
     let free = beside_program(resources.memory);
     let Some(rest) = free.checked_sub(need + WORKER) else {
-        let mib = (need + WORKER + PROGRAM).div_ceil(1 << 20);
+        let enough = need + WORKER + PROGRAM;
+        let mib = enough.div_ceil(1 << 20);
         let message = format!("a picture of {count} cells takes {mib} MiB of memory");
-        return Err(Error::new(ErrorKind::Resource, message)
-            .remedy(format!("pass --memory {mib}M or more, or larger cells with --cell")));
+        return Err(short(message, enough).or("larger cells with --cell"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
 }

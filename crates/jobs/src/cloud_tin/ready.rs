@@ -9,13 +9,13 @@ use super::{CloudTinJob, Work, no_surface};
 use crate::Resources;
 use crate::beside;
 use crate::kept::Features;
-use crate::memory::PROGRAM;
+use crate::memory::{PROGRAM, too_little};
 use crate::on_cloud::OnCloud;
 use crate::placing::Placed;
 use crate::plan::At;
 use crate::points::{Filling, PointStore, Tiling};
 use crate::tin::vertical_unit;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Point3};
 use terrane_cloud::CloudInfo;
 use terrane_files::{folder_for, path_of};
@@ -64,10 +64,7 @@ impl Division {
         let eighth = memory.saturating_sub(held) / 8;
         let fitting = (eighth * self.workers).saturating_sub(PROGRAM) / worker;
         if fitting == 0 || eighth * self.points < LEAST_SHARED {
-            let needed = self.least(worker, held).div_ceil(1 << 20);
-            let message = format!("at least {needed} MiB of memory are needed");
-            return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {needed}M or more")));
+            return Err(too_little(memory, self.least(worker, held)));
         }
         Ok(usize::try_from(fitting).unwrap_or(usize::MAX))
     }

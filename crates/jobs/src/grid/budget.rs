@@ -10,8 +10,8 @@
 //! | the rest: blocks of cells, those beyond it spilled | [`Budget::blocks`] |
 
 use crate::Resources;
-use crate::memory::PROGRAM;
-use terrane_base::error::{Error, ErrorKind, Result};
+use crate::memory::{PROGRAM, too_little};
+use terrane_base::error::{Error, Result};
 use terrane_gridding::Recipe;
 use terrane_raster::write::{GridFormat, GridSink};
 
@@ -155,10 +155,5 @@ fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &R
 }
 
 fn too_small(memory: u64, least: u64) -> Error {
-    let needed = least.div_ceil(1 << 20);
-    let allowed = memory as f64 / f64::from(1 << 20);
-    let message =
-        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
-    Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass --memory {needed}M or more, or choose larger cells"))
+    too_little(memory, least).or("choose larger cells")
 }

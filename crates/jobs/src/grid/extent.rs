@@ -7,7 +7,7 @@ use terrane_base::geom::{Crs, Rect};
 use terrane_base::limits;
 use terrane_cloud::CloudInfo;
 use terrane_files::path_of;
-use terrane_gridding::{Edges, Lattice, Rules, Statistic};
+use terrane_gridding::{Edges, FAR, Lattice, Rules, Statistic};
 use terrane_raster::{self as raster, GridInfo};
 
 use super::GridJob;
@@ -234,7 +234,10 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
             };
             [span(0, *x0, *x1)?, span(1, *y0, *y1)?]
         }
-        (None, Some(bounds)) => lattice.span(bounds).map(|[low, high]| [low, high - low + 1]),
+        (None, Some(bounds)) => {
+            let [x, y] = lattice.span(bounds).map(|[low, high]| [low, high - low + 1]);
+            [within_reach(x)?, within_reach(y)?]
+        }
         (None, None) => {
             return Err(Error::bad_input(
                 "the cloud has no points, so nothing says where its grid lies",
@@ -250,11 +253,22 @@ fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
     let most = limits::MAX_SIDE as f64;
     let first = (low + HAIR).floor();
     let count = ((high - HAIR).ceil() - first).max(1.0);
-    if count > most || first.abs() > 1e12 {
+    if count > most {
         return Err(Error::limit("number of columns or rows", count, most)
             .remedy("choose larger cells or a smaller --bbox"));
     }
-    Ok([first as i64, count as i64])
+    within_reach([first as i64, count as i64])
+}
+
+/// Cells that can be told apart so far from where lattices begin.
+fn within_reach([first, count]: [i64; 2]) -> Result<[i64; 2]> {
+    match first.abs().saturating_add(count) < FAR {
+        true => Ok([first, count]),
+        false => Err(Error::usage(format!(
+            "cells as small as this are further than {FAR} cells from where their lattice begins"
+        ))
+        .remedy("choose larger cells with --cell, or a corner of them nearby with --origin")),
+    }
 }
 
 /// The cells of another grid.

@@ -10,7 +10,7 @@ use super::part::{self, Tally};
 use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use super::{LineJob, LineReport, on_threads};
-use crate::memory::{PROGRAM, beside_program};
+use crate::memory::{PROGRAM, beside_program, short};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_vector::{Feature, FeatureSink, FeatureSource};
@@ -112,9 +112,7 @@ fn read(
         let needed = PROGRAM + own * FEATURE_VERTEX;
         if own > most && needed > memory {
             let message = format!("a feature of {own} vertices is more than memory holds");
-            let needed = needed.div_ceil(1 << 20);
-            let error = Error::new(ErrorKind::Resource, message).at(source.place());
-            return Err(error.remedy(format!("pass --memory {needed}M or more")));
+            return Err(short(message, needed).at(source.place()));
         }
         vertices += own;
         let order = store.next(&feature.geometry)?;

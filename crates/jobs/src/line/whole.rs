@@ -23,7 +23,7 @@ use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use super::trees::Trees;
 use super::{LineJob, LineReport, on_threads};
-use crate::memory::{PROGRAM, beside_program};
+use crate::memory::{PROGRAM, beside_program, short};
 use crate::{Cancel, Progress};
 use cover::Cover;
 use input::{Collected, Input};
@@ -94,11 +94,11 @@ impl Whole<'_> {
     }
 
     fn too_little(&self, input: &Input<'_>) -> Error {
-        let needed = (input.bytes * ALONE + PROGRAM).div_ceil(1 << 20);
-        let message = format!("the threshold is looked for in memory, which takes {needed} MiB");
-        Error::new(ErrorKind::Resource, message).in_file(&self.files.pairs[0].input).remedy(
-            format!("pass --memory {needed}M or more, pass --tolerance, or split the input"),
-        )
+        let enough = input.bytes * ALONE + PROGRAM;
+        let mib = enough.div_ceil(1 << 20);
+        let message = format!("the threshold is looked for in memory, which takes {mib} MiB");
+        let error = short(message, enough).or("pass --tolerance, or split the input");
+        error.in_file(&self.files.pairs[0].input)
     }
 
     /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells

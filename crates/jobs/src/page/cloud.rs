@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::few::{self, Ranked, Tally};
 use super::{PageJob, PageReport, facts};
 use crate::input::workers;
-use crate::memory::{PROGRAM, beside_program};
+use crate::memory::{PROGRAM, beside_program, short};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
@@ -58,10 +58,10 @@ fn threads(points: u64, resources: &Resources) -> Result<usize> {
     let need = few::needed(points).max(points * POINT_BYTES);
     let free = beside_program(resources.memory);
     let Some(rest) = free.checked_sub(need + WORKER) else {
-        let mib = (need + WORKER + PROGRAM).div_ceil(1 << 20);
+        let enough = need + WORKER + PROGRAM;
+        let mib = enough.div_ceil(1 << 20);
         let message = format!("a page of {points} points takes {mib} MiB of memory");
-        return Err(Error::new(ErrorKind::Resource, message)
-            .remedy(format!("pass --memory {mib}M or more, or show fewer with --points")));
+        return Err(short(message, enough).or("show fewer with --points"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
 }

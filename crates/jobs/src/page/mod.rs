@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use crate::input::{self, Surface};
-use crate::memory::{beside_program, cache_beside};
+use crate::memory::{beside_program, cache_beside, short};
 use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
 pub use cloud::{MOST_POINTS, USUAL_POINTS};
@@ -213,9 +213,9 @@ fn within_memory(need: u64, what: &str, resources: &Resources) -> Result<()> {
     if need <= beside_program(resources.memory) {
         return Ok(());
     }
-    let mib = (need + (resources.memory - beside_program(resources.memory))).div_ceil(1 << 20);
-    let message = format!("a page of {what} takes {mib} MiB of memory");
-    Err(Error::new(ErrorKind::Resource, message).remedy(format!("pass --memory {mib}M or more")))
+    let enough = need + (resources.memory - beside_program(resources.memory));
+    let mib = enough.div_ceil(1 << 20);
+    Err(short(format!("a page of {what} takes {mib} MiB of memory"), enough))
 }
 
 #[cfg(test)]

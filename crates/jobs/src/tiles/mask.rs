@@ -7,8 +7,9 @@
 
 use crate::Resources;
 use crate::globe::OnGlobe;
+use crate::memory::short;
 use crate::transform::extent_of;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_raster::{Areas, ClipRings, GridInfo, Water};
 use terrane_tiles::{Bounds, MASK_SIDE, MASK_WATER, TileId, degrees};
@@ -40,7 +41,7 @@ impl Mask {
         let extent = extent_of(info);
         let off = degrees(last) / f64::from(MASK_SIDE) * OF_PIXEL;
         let (mut rings, mut brought, mut bytes) = (ClipRings::default(), Vec::new(), 0);
-        let (mut area, mut is_near) = (None, false);
+        let (mut area, mut is_near, most) = (None, false, resources.memory / 4);
         for (number, ring) in water.rings() {
             if area.replace(number) != Some(number) {
                 rings.begin_feature()?;
@@ -59,10 +60,13 @@ impl Mask {
                 }
             }
             bytes += brought.len() as u64 * ClipRings::EDGE_BYTES;
-            if bytes > resources.memory / 4 {
-                return Err(of_file(too_many(bytes)));
+            // Of what does not fit all is counted.
+            if bytes <= most {
+                rings.push(&brought).map_err(of_file)?;
             }
-            rings.push(&brought).map_err(of_file)?;
+        }
+        if bytes > most {
+            return Err(of_file(too_many(bytes)));
         }
         Ok(Self(Areas::new(rings)))
     }
@@ -157,9 +161,8 @@ fn apart(a: Xy, b: Xy) -> f64 {
 }
 
 fn too_many(bytes: u64) -> Error {
-    let mib = bytes.div_ceil(1 << 20);
-    Error::new(ErrorKind::Resource, format!("its sides take more than {mib} MiB for a mask"))
-        .remedy("raise --memory, pass a smaller --max-level, or simplify it with terrane line")
+    let message = format!("its sides take {} MiB for a mask", bytes.div_ceil(1 << 20));
+    short(message, 4 * bytes).or("a smaller --max-level, or simplify it with terrane line")
 }
 
 #[cfg(test)]

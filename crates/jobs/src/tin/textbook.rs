@@ -9,7 +9,7 @@ use super::run::Outcome;
 use super::window::Window;
 use crate::memory;
 use crate::{Cancel, Progress, Resources};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{MeshBatch, MeshSink};
@@ -116,11 +116,8 @@ fn too_large(whole: &Whole, [width, height]: [u32; 2], least: u64, resources: &R
         mib(least),
         resources.memory >> 20
     );
-    Error::new(ErrorKind::Resource, message).remedy(format!(
-        "pass --memory {}M or more, or a grid of at most {side} x {side} samples, or {}",
-        mib(least),
-        whole.otherwise
-    ))
+    let smaller = format!("a grid of at most {side} x {side} samples, or {}", whole.otherwise);
+    memory::short(message, least).or(&smaller)
 }
 
 fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {

@@ -50,7 +50,8 @@ impl Move {
         };
         let bounds = info.bounds.map(|_| [steps(low, -1), steps(high, 1)]);
         let crs = operation.target().clone();
-        let notes = operation.notes().iter().cloned().chain(note).collect();
+        let kept = operation.keeps_heights().then(|| note_on_heights(&info.crs, &crs)).flatten();
+        let notes = operation.notes().iter().cloned().chain(kept).chain(note).collect();
         let from = info.frame;
         Ok(Self {
             operation,
@@ -59,6 +60,22 @@ impl Move {
             notes,
         })
     }
+}
+
+/// What is to be said of heights that stay as they are where the unit of x and y does not, or where only one of the
+/// systems says what they are.
+fn note_on_heights(from: &Crs, to: &Crs) -> Option<String> {
+    let (across, other) = (from.horizontal_unit(), to.horizontal_unit());
+    let is_length = |unit: &str| !matches!(unit, "degree" | "unit");
+    let unit = match (&from.vertical_unit, &to.vertical_unit) {
+        (Some(unit), None) if unit != other => unit.as_str(),
+        (None, None) if is_length(across) && across != other => "their unit, which nothing names",
+        _ => return None,
+    };
+    Some(format!(
+        "heights stay as they are, in {unit}: the target does not say what they are (a system with heights such as \
+         EPSG:26910+5703 would)"
+    ))
 }
 
 /// Lowest and highest coordinates of a cloud in the other system, with a margin.

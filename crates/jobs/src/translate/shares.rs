@@ -1,9 +1,9 @@
 //! How the memory of a job on points is divided.
 
 use crate::Resources;
-use crate::memory::PROGRAM;
+use crate::memory::{PROGRAM, too_little};
 use crate::records::Flow;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
 use terrane_cloud::write::CHUNK;
 
 /// Memory of a thread for reading, beside the records it hands on; and more for each extra byte, as a compressed one
@@ -34,11 +34,7 @@ impl Shares {
         let chunk = (CHUNK * record) as u64;
         let [least, worker] = Self::least((record, extra), [needed, looking]);
         let Some(rest) = resources.memory.checked_sub(least) else {
-            let [needed, allowed] = [least.div_ceil(1 << 20), resources.memory >> 20];
-            let message =
-                format!("at least {needed} MiB of memory are needed, and {allowed} are allowed");
-            return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {needed}M or more")));
+            return Err(too_little(resources.memory, least));
         };
         let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
         let rest = rest - worker * (threads as u64 - 1);

@@ -13,7 +13,7 @@ use crate::records::choice::place;
 use crate::records::{Flow, Records};
 use crate::workers;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Frame, Point};
+use terrane_base::geom::{Decimal, Frame, Point};
 use terrane_cloud::write::is_written_here;
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions};
 use terrane_cloud::{CloudInfo, Flags};
@@ -217,11 +217,21 @@ impl<'a> Division<'a> {
     fn name(&self, square: usize) -> PathBuf {
         let width = self.axes[0].reaches.len();
         let corner = [square % width, square / width];
-        let [x, y] = [0, 1]
-            .map(|axis| (self.axes[axis].first + corner[axis] as i64) as f64 * self.squares.side);
+        let side = self.squares.side;
+        let [x, y] = [0, 1].map(|axis| times(self.axes[axis].first + corner[axis] as i64, side));
         let ending = if self.options.packing == Packing::Plain { "las" } else { "laz" };
         PathBuf::from(format!("{x}_{y}.{ending}"))
     }
+}
+
+/// So many times a number, as the decimals that it is written as.
+fn times(count: i64, number: f64) -> f64 {
+    let exact = || {
+        let number = Decimal::of(number)?;
+        let units = number.units(number.digits())?.checked_mul(count.into())?;
+        Some(Decimal::new(units, number.digits()).value())
+    };
+    exact().unwrap_or(count as f64 * number)
 }
 
 /// The first and the last square of a cloud along both axes.

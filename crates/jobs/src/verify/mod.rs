@@ -24,7 +24,7 @@ use bytemuck::Pod;
 use crate::bands::Joined;
 use crate::figures::Figures;
 use crate::kept::{Features, Kept};
-use crate::memory::{beside_program, cache_beside};
+use crate::memory::{PROGRAM, beside_program, cache_beside, short};
 use crate::reading::Reading;
 use crate::transform::TRANSFORMED;
 use crate::{Cancel, Progress, Resources};
@@ -322,6 +322,8 @@ struct Work<'a> {
     memory: u64,
     /// Bytes for one thread.
     share: u64,
+    /// Bytes that are held beside all that.
+    aside: u64,
     /// Where spills go.
     folder: PathBuf,
 }
@@ -350,13 +352,21 @@ impl<'a> Work<'a> {
         let memory = (half - half / 8).max(least);
         let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
         let (cancel, share) = (cancel.clone(), memory / threads as u64);
-        Ok(Self { mesh, progress, cancel, threads, memory, share, folder })
+        Ok(Self { mesh, progress, cancel, threads, memory, share, aside: 0, folder })
     }
 
     /// Does with so many bytes less, which are held all the while.
     fn set_aside(&mut self, bytes: u64) {
+        self.aside += bytes;
         self.memory = self.memory.saturating_sub(bytes);
         self.share = self.memory / self.threads as u64;
+    }
+
+    /// The error of what takes so many bytes, more than there are for everything.
+    fn short(&self, what: &str, need: u64) -> Error {
+        let message = format!("{what}, which takes {} MiB", need.div_ceil(1 << 20));
+        let half = (need + self.aside).div_ceil(7) * 8;
+        short(message, PROGRAM + 2 * half)
     }
 
     /// A bucket for each domain, which together hold about `bytes` until they are settled.

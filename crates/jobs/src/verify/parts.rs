@@ -4,9 +4,10 @@
 use std::sync::Mutex;
 
 use super::Context;
+use super::Work;
 use super::spread::Spread;
 use crate::workers;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 use terrane_proof::{
@@ -54,8 +55,7 @@ fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
     if need <= context.work.memory / 2 {
         return Ok(());
     }
-    let message = format!("a grid of this size needs an index of {} MiB", need >> 20);
-    Err(Error::new(ErrorKind::Resource, message).remedy("raise --memory"))
+    Err(context.work.short("a grid of this size needs an index", 2 * need))
 }
 
 /// Bytes of index for one domain: two buckets with their runs in the file.
@@ -143,7 +143,7 @@ impl<J> Checker<'_, J> {
         match domain.halves() {
             Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, found)),
             None if need > self.context.work.memory || triangles > MOST_TRIANGLES => {
-                Err(too_crowded(domain, triangles, lines, need))
+                Err(too_crowded(&self.context.work, domain, [triangles, lines, need]))
             }
             None => {
                 let _alone = lock(&self.crowded);
@@ -254,14 +254,12 @@ fn follow(context: &Context<'_>, layout: &Layout, mut open: Open, tally: &mut Ta
 /// Triangles of a part are numbered with their corners in `u32`.
 pub(super) const MOST_TRIANGLES: u64 = 1 << 30;
 
-fn too_crowded(domain: Domain, triangles: u64, lines: u64, need: u64) -> Error {
+fn too_crowded(work: &Work<'_>, domain: Domain, [triangles, lines, need]: [u64; 3]) -> Error {
     let Rect { col, row, width, height } = domain.rect;
     let beside = match lines >> 20 {
         0 => String::new(),
         mib => format!(", with breaklines of {mib} MiB,"),
     };
     let what = format!("{triangles} triangles touch the {width} x {height} samples there{beside}");
-    Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
-        .at(format!("column {col}, row {row}"))
-        .remedy("raise --memory")
+    work.short(&what, need).at(format!("column {col}, row {row}"))
 }

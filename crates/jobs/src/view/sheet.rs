@@ -2,8 +2,9 @@
 
 use super::{Drawn, PIXEL_BYTES, ViewJob, mesh, options, style, write_png};
 use crate::input::{self, Surface};
+use crate::memory::short;
 use crate::{Cancel, Progress};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_render::{Painter, text_size, write_text};
 
@@ -95,8 +96,7 @@ impl Sheet {
         if need > job.each.resources.memory {
             let mib = need.div_ceil(1 << 20);
             let message = format!("the picture of all meshes needs {mib} MiB of memory");
-            return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {mib}M or more")));
+            return Err(short(message, need));
         }
         let pixels = PAPER.repeat(size[0] * size[1]);
         Ok(Self { size, columns, panel, cell, pixels })

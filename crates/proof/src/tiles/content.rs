@@ -14,7 +14,7 @@ use super::fault::Fault;
 use super::glb::{Attributes, Edges, File, Numbers, bad, refuse};
 use super::skirt::{Apart, Skirt};
 use super::tiling::{Side, TileId};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
 
 /// Metres that computing a place may be off by.
 const COMPUTED: f64 = 1e-7;
@@ -63,12 +63,12 @@ pub struct Content {
 }
 
 impl Content {
-    /// Reads a tile of `most` vertices at the most.
+    /// Reads a tile, whose number of vertices `fit` is asked about before there is room for them.
     ///
     /// # Errors
     /// Bad input: bytes that are no binary glTF, and what does not fit together in one. Unsupported: what clients of
-    /// terrain do not take. Resource: more vertices.
-    pub fn read(bytes: &[u8], most: usize) -> Result<Self> {
+    /// terrain do not take. Those of `fit`.
+    pub fn read(bytes: &[u8], fit: impl FnOnce(usize) -> Result<()>) -> Result<Self> {
         let file = File::of(bytes)?;
         let node = file.node()?;
         let matrix = node.matrix.ok_or_else(|| refuse("has a node without a matrix"))?;
@@ -81,10 +81,7 @@ impl Content {
         let primitive = file.primitive(node)?;
         let Attributes { position, place, normal } = primitive.attributes;
         let count = file.accessor(position)?.count;
-        if count > most {
-            let message = format!("has {count} vertices, and {most} fit into memory");
-            return Err(Error::new(ErrorKind::Resource, message).remedy("raise --memory"));
-        }
+        fit(count)?;
         let place = place.ok_or_else(|| refuse("has no texture coordinates, which say places"))?;
         let indices = primitive.indices.ok_or_else(|| refuse("has triangles without indices"))?;
         let corners = file.indices(indices, count)?;

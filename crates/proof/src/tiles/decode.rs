@@ -5,7 +5,7 @@ use super::contain::About;
 use super::fault::Fault;
 use super::skirt::Skirt;
 use super::tiling::{Side, TileId};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 
 /// The largest u, v and height of a vertex.
 pub const LAST: u16 = 32_767;
@@ -45,23 +45,20 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// Reads a tile of `most` vertices at the most.
+    /// Reads a tile, whose number of vertices `fit` is asked about before there is room for them.
     ///
     /// # Errors
     /// Bad input with the byte: counts that the bytes do not hold, indices of vertices that are not there,
     /// coordinates out of their range, numbers that are not finite, extensions of a wrong length or there twice,
-    /// bytes left over. Resource: more vertices.
-    pub fn read(bytes: &[u8], most: usize) -> Result<Self> {
+    /// bytes left over. Those of `fit`.
+    pub fn read(bytes: &[u8], fit: impl FnOnce(usize) -> Result<()>) -> Result<Self> {
         let mut from = Cursor { bytes, at: 0 };
         let mut tile = Self { centre: from.point()?, ..Self::default() };
         tile.heights = [from.float()?, from.float()?];
         tile.sphere = (from.point()?, from.double()?);
         tile.horizon = from.point()?;
         let count = from.count(6, "vertices")?;
-        if count > most {
-            let message = format!("has {count} vertices, and {most} fit into memory");
-            return Err(Error::new(ErrorKind::Resource, message).remedy("raise --memory"));
-        }
+        fit(count)?;
         tile.vertices = from.vertices(count)?;
         from.skip_to(if count > MOST_SHORT { 4 } else { 2 })?;
         tile.triangles = from.triangles(count)?;

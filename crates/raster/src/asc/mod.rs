@@ -6,7 +6,7 @@ mod tokens;
 
 use std::path::Path;
 
-use crate::cache::BlockCache;
+use crate::cache::{BlockCache, too_large_for_cache};
 use crate::file::RawFile;
 use crate::sample::{Height, ToHeight};
 use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, Window, only_band, prj};
@@ -167,7 +167,7 @@ fn check_cache(block_bytes: u64, cache_bytes: usize) -> Result<()> {
     let message = format!(
         "rows of {block_bytes} bytes do not fit in the {cache_bytes} bytes for cached blocks"
     );
-    Err(Error::new(ErrorKind::Resource, message).remedy("give more --memory"))
+    Err(too_large_for_cache(message, block_bytes))
 }
 
 /// What the pass over all values found.

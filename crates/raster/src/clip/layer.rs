@@ -6,9 +6,10 @@ use std::sync::Arc;
 
 use super::Clip;
 use super::scan::{Labelled, Scan};
+use crate::cache::too_large_for_cache;
 use crate::window::{Sample, Window};
 use crate::{GridInfo, GridSource, OpenOptions};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
 /// A clipped grid.
@@ -53,11 +54,7 @@ pub(crate) fn cache_beside(
     let too_large = || {
         let mib = held.div_ceil(1 << 20);
         let message = format!("its {what} take {mib} MiB, more than is left for what is read");
-        // The least share of the memory that is for what is read is a quarter, beside the program.
-        Error::new(ErrorKind::Resource, message).in_file(path).remedy(format!(
-            "pass --memory {}M or more, or simplify them with terrane line",
-            4 * mib + 64
-        ))
+        too_large_for_cache(message, held).or("simplify them with terrane line").in_file(path)
     };
     let room = (options.cache_bytes as u64).checked_sub(held).ok_or_else(too_large)?;
     Ok(usize::try_from(room).unwrap_or(usize::MAX))

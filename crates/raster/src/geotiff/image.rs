@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::cache::BlockCache;
+use crate::cache::{BlockCache, too_large_for_cache};
 use crate::file::RawFile;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
 use super::blocks::{Blocks, Place};
@@ -113,7 +113,6 @@ pub(super) fn check_cache(layout: &Layout, cache_bytes: usize) -> Result<()> {
     let message = format!(
         "one block takes {bytes} bytes decoded, more than the {cache_bytes} bytes for cached blocks"
     );
-    Err(Error::new(ErrorKind::Resource, message).remedy(
-        "give more --memory, or rewrite the file in tiles: gdal_translate -co TILED=YES IN OUT",
-    ))
+    let otherwise = "rewrite the file in tiles: gdal_translate -co TILED=YES IN OUT";
+    Err(too_large_for_cache(message, bytes).or(otherwise))
 }

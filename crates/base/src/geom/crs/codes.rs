@@ -67,6 +67,14 @@ pub(super) fn vertical(code: u32) -> Option<Vertical> {
     })
 }
 
+/// The code of a vertical datum that is called so.
+pub(super) fn vertical_datum(name: &str) -> Option<u32> {
+    let named = super::unit::plain(name);
+    let mut rows = VERTICAL.lines().map(|line| line.split('\t').collect::<Vec<_>>());
+    let row = rows.find(|row| row.get(5).is_some_and(|own| super::unit::plain(own) == named))?;
+    row[3].parse().ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -140,7 +140,8 @@ impl Vertical {
     fn heights(&self) -> Heights {
         Heights::Above {
             name: self.name.clone(),
-            datum: self.datum.code.ok_or_else(|| super::unit::plain(&self.datum.name)),
+            datum: (self.datum.code.or_else(|| codes::vertical_datum(&self.datum.name)))
+                .ok_or_else(|| super::unit::plain(&self.datum.name)),
             metres: self.unit.size,
             is_down: self.is_down,
         }
@@ -397,5 +398,15 @@ mod tests {
         let unit = Crs { vertical_unit: Some("foot".to_owned()), ..of_srs("EPSG:6339") };
         assert_eq!(of_srs("EPSG:4326").with_heights_of(&unit).vertical_metres(), Some(0.3048));
         assert_eq!(of_srs("EPSG:4979").heights(), Heights::Ellipsoidal);
+    }
+
+    #[test]
+    fn a_vertical_datum_is_known_by_its_name() {
+        let text = r#"VERTCRS["NGF-IGN69 height",VDATUM["Nivellement General de la France - IGN69"],
+            CS[vertical,1],AXIS["gravity-related height (H)",up,LENGTHUNIT["metre",1]],ID["EPSG",5720]]"#;
+        let map = wkt::of_srs("EPSG:2154").to_wkt().unwrap();
+        let compound = format!("COMPOUNDCRS[\"both\",{map},{text}]");
+        let [found, known] = [wkt::from_text(&compound), wkt::of_codes(2154, 5720)];
+        assert_eq!(found.heights(), known.heights());
     }
 }

@@ -25,6 +25,7 @@ use super::GridJob;
 use super::extent::{Extent, Piece};
 use super::near::Near;
 use super::neighbours::Surfaces;
+use crate::memory::short;
 use crate::points::{Filling, Limits, PointStore, Tiling};
 use crate::sift::Losses;
 use crate::{Cancel, Progress};
@@ -478,10 +479,9 @@ fn least_for(square: u64) -> u64 {
 }
 
 fn too_little(what: &str, least: u64, memory: u64, other: &str) -> Error {
-    let [least, memory] = [least.div_ceil(1 << 20), memory >> 20];
-    let message = format!("{what} takes {least} MiB of memory, and {memory} are allowed");
-    Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass --memory {least}M or more, or {other}"))
+    let [mib, memory] = [least.div_ceil(1 << 20), memory >> 20];
+    let message = format!("{what} takes {mib} MiB of memory, and {memory} are allowed");
+    short(message, least).or(other)
 }
 
 /// All classes but those of noise.

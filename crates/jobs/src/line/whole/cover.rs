@@ -39,6 +39,7 @@ use crate::line::files::Files;
 use crate::line::part::{check, chosen};
 use crate::line::tool::Rule;
 use crate::line::{LineJob, LineReport, Measure, Topology};
+use crate::memory::short;
 use crate::workers;
 use crate::{Cancel, Progress, disk};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -143,11 +144,10 @@ impl Cover<'_> {
     fn too_little(&self, input: &Input<'_>, square: u64) -> Error {
         let rest = square + self.others(input);
         let needed = rest + input.bytes.min(rest);
-        let needed = ((needed + needed / 7) >> 20) + 1;
-        let message = format!("neighbours are looked at in memory, which takes {needed} MiB");
-        Error::new(ErrorKind::Resource, message)
-            .in_file(&self.files.pairs[0].input)
-            .remedy(format!("pass --memory {needed}M or more, or leave --topology out"))
+        let mib = ((needed + needed / 7) >> 20) + 1;
+        let message = format!("neighbours are looked at in memory, which takes {mib} MiB");
+        let error = short(message, mib << 20).or("leave --topology out");
+        error.in_file(&self.files.pairs[0].input)
     }
 
     /// Where what does not fit into memory goes: beside the output unless told otherwise.

@@ -6,8 +6,9 @@ use crate::line::LineJob;
 use crate::line::files::{Files, Pair};
 use crate::line::stored::{Order, Store};
 use crate::line::trees::Trees;
+use crate::memory::short;
 use crate::{Cancel, Progress};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
 use terrane_line::squares::Census;
 use terrane_vector::{Feature, Geometry, Layer, Member};
 
@@ -150,9 +151,7 @@ impl<'a> Input<'a> {
         if bytes > room / copies {
             let count = feature.geometry.vertices();
             let message = format!("a feature of {count} vertices is more than memory holds");
-            let needed = (copies * bytes + self.job.resources.memory - room).div_ceil(1 << 20);
-            return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {needed}M or more")));
+            return Err(short(message, copies * bytes + self.job.resources.memory - room));
         }
         self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
         if self.job.topology.is_none() {

@@ -13,7 +13,7 @@ use crate::verify::parts::MOST_TRIANGLES;
 use crate::verify::spread::Spread;
 use crate::verify::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use crate::workers;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_files::{Buckets, lock};
 use terrane_proof::cloud::{self, Hull, Part, Track};
@@ -192,8 +192,6 @@ impl Checker<'_> {
         let at = Position::sample(i64::from(col), i64::from(row));
         let [x, y] = self.context.placer.world(at);
         let what = format!("{points} points and {triangles} triangles share a place");
-        Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
-            .at(format!("x {x}, y {y}"))
-            .remedy("raise --memory")
+        self.context.work.short(&what, need).at(format!("x {x}, y {y}"))
     }
 }

@@ -7,7 +7,7 @@ use super::LineVerifyJob;
 use super::attributes::{Facts, Rules};
 use super::findings::Findings;
 use super::own::{Own, OwnPart, Placed, beside, key};
-use crate::memory::PROGRAM;
+use crate::memory::{PROGRAM, short};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_proof::lines::Vertices;
@@ -230,12 +230,10 @@ impl<'a> Pairs<'a> {
             return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.place()));
         }
         if needed > self.job.resources.memory.max(LEAST) {
-            let needed = needed.div_ceil(1 << 20);
-            let message = format!("a feature as large as this takes {needed} MiB of memory");
-            return Err(Error::new(ErrorKind::Resource, message)
-                .in_file(Path::new(&self.job.original))
-                .at(source.place())
-                .remedy(format!("pass --memory {needed}M or more")));
+            let mib = needed.div_ceil(1 << 20);
+            let message = format!("a feature as large as this takes {mib} MiB of memory");
+            let error = short(message, needed).in_file(Path::new(&self.job.original));
+            return Err(error.at(source.place()));
         }
         Ok(own)
     }

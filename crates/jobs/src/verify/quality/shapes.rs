@@ -7,7 +7,7 @@ use crate::verify::parts::MOST_TRIANGLES;
 use crate::verify::spread::{Reach, Spread};
 use crate::verify::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use crate::workers;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::{Buckets, lock};
 use terrane_proof::quality::{self, Part, Plan, Quality};
@@ -100,9 +100,7 @@ impl Looker<'_> {
         let Rect { col, row, .. } = domain.rect;
         let [x, y] = self.plan.world(Position::sample(i64::from(col), i64::from(row)));
         let what = format!("{triangles} triangles share a place");
-        Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
-            .at(format!("x {x}, y {y}"))
-            .remedy("raise --memory")
+        self.work.short(&what, need).at(format!("x {x}, y {y}"))
     }
 }
 

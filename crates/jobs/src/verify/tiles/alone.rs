@@ -102,7 +102,7 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Record>)> {
     let records = Mutex::new(vec![none; all.len()]);
     let found = Mutex::new(Found::new(levels));
     let below = Below::of(context.layer, context.tiles);
-    let looker = Looker { context, sides: Cache::new(context.memory / 4), below };
+    let looker = Looker { context, sides: Cache::new(context.room.memory / 4), below };
     context.progress.begin("tiles", all.len() as u64);
     let work = |found: &mut Found, run: u64| {
         let first = (run * RUN) as usize;
@@ -120,7 +120,7 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Record>)> {
     };
     let runs = (all.len() as u64).div_ceil(RUN);
     let start = || Found::new(levels);
-    workers::run(context.threads, runs, context.cancel, start, work, finish)?;
+    workers::run(context.room.threads, runs, context.cancel, start, work, finish)?;
     context.progress.end();
     let found = lock(&found).clone();
     Ok((found, std::mem::take(&mut *lock(&records))))

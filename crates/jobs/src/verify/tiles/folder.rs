@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use libdeflater::{DecompressionError, Decompressor};
 
 use super::layer::NAME;
+use super::room::Room;
 use crate::Cancel;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{MOST_LEVEL, Tile, TileId};
 
@@ -30,6 +31,10 @@ const MOST_BYTES: u64 = 64 << 20;
 pub(super) struct Tiles {
     /// Sorted.
     pub(super) all: Vec<TileId>,
+    /// Those and the ones that are too many.
+    count: usize,
+    /// How many there is room for.
+    most: usize,
     /// Files that are no tiles.
     pub(super) strays: u64,
     /// The first of them by name.
@@ -37,51 +42,64 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Looks through a folder; fails where it has more than `most` tiles.
-    pub(super) fn find(folder: &Path, most: usize, cancel: &Cancel) -> Result<Self> {
-        let mut found = Self::default();
+    /// None yet, of as many as there is room for.
+    pub(super) fn within(room: &Room) -> Self {
+        Self { most: room.tiles(), ..Self::default() }
+    }
+
+    /// Looks through a folder for tiles, which there has to be room for.
+    pub(super) fn find(folder: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
+        let mut found = Self::within(room);
         for level in entries(folder)? {
             let path = level.path();
             match number(&level, "").filter(|&level| level <= u32::from(MOST_LEVEL)) {
-                Some(level) if path.is_dir() => found.level(&path, level as u8, most, cancel)?,
+                Some(level) if path.is_dir() => found.level(&path, level as u8, cancel)?,
                 _ if level.file_name() == NAME => (),
                 _ => found.stray(path),
             }
         }
-        found.all.sort_unstable();
-        Ok(found)
+        found.sorted(folder)
     }
 
-    fn level(&mut self, folder: &Path, level: u8, most: usize, cancel: &Cancel) -> Result<()> {
+    fn level(&mut self, folder: &Path, level: u8, cancel: &Cancel) -> Result<()> {
         for column in entries(folder)? {
             cancel.check()?;
             let path = column.path();
             match number(&column, "").filter(|_| path.is_dir()) {
-                Some(x) => self.column(&path, (level, x), most)?,
+                Some(x) => self.column(&path, (level, x))?,
                 None => self.stray(path),
             }
         }
         Ok(())
     }
 
-    fn column(&mut self, folder: &Path, (level, x): (u8, u32), most: usize) -> Result<()> {
+    fn column(&mut self, folder: &Path, (level, x): (u8, u32)) -> Result<()> {
         for row in entries(folder)? {
             let id = number(&row, ENDING).and_then(|y| TileId::new(level, x, y));
             match id.filter(|_| row.path().is_file()) {
-                Some(id) => self.all.push(id),
+                Some(id) => self.add(id),
                 None => self.stray(row.path()),
             }
         }
-        self.check(folder, most)
+        Ok(())
     }
 
-    /// Fails where there are more than `most` tiles.
-    pub(super) fn check(&self, folder: &Path, most: usize) -> Result<()> {
-        if self.all.len() <= most {
-            return Ok(());
+    /// Of what does not fit all is counted.
+    pub(super) fn add(&mut self, id: TileId) {
+        self.count += 1;
+        if self.count <= self.most {
+            self.all.push(id);
         }
-        let message = format!("there are more than {most} tiles, which memory does not hold");
-        Err(Error::new(ErrorKind::Resource, message).in_file(folder).remedy("raise --memory"))
+    }
+
+    /// The tiles in order.
+    ///
+    /// # Errors
+    /// More tiles in a folder than there is room for.
+    pub(super) fn sorted(mut self, folder: &Path) -> Result<Self> {
+        Room::check(self.count, self.most).map_err(|e| e.in_file(folder))?;
+        self.all.sort_unstable();
+        Ok(self)
     }
 
     pub(super) fn stray(&mut self, path: PathBuf) {
@@ -118,13 +136,17 @@ pub(super) fn path_of(folder: &Path, id: TileId) -> PathBuf {
     folder.join(format!("{id}{ENDING}"))
 }
 
-/// Reads a tile of `most` vertices at the most.
+/// Reads a tile of so many vertices as `fit`.
 ///
 /// # Errors
 /// Files that cannot be read, are too large, are no gzip or have bytes after it, and whatever [`Tile::read`] finds.
-pub(super) fn read(folder: &Path, id: TileId, most: usize) -> Result<Tile> {
+pub(super) fn read(
+    folder: &Path,
+    id: TileId,
+    fit: impl FnOnce(usize) -> Result<()>,
+) -> Result<Tile> {
     let path = path_of(folder, id);
-    Tile::read(&bytes(&path)?, most).map_err(|e| e.in_file(&path))
+    Tile::read(&bytes(&path)?, fit).map_err(|e| e.in_file(&path))
 }
 
 /// The bytes of a file, unpacked.

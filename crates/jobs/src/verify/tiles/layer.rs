@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::room::Room;
 use super::three::{self, Three};
 use crate::Cancel;
 use terrane_base::error::{Error, Result};
@@ -104,16 +105,16 @@ pub(super) fn place(path: &Path) -> PathBuf {
 }
 
 impl Layer {
-    /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, of
-    /// `most` tiles at the most.
+    /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, for
+    /// whose tiles there has to be room.
     ///
     /// # Errors
     /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
     /// projection; levels beyond the finest there may be.
-    pub(super) fn read(path: &Path, most: usize, cancel: &Cancel) -> Result<Self> {
+    pub(super) fn read(path: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
         let path = place(path);
         if path.file_name().is_some_and(|name| name == three::NAME) {
-            return three::read(&path, most, cancel);
+            return three::read(&path, room, cancel);
         }
         let stored = stored(&path).map_err(|e| e.in_file(&path))?;
         stored.layer(&path).map_err(|e| e.in_file(&path))

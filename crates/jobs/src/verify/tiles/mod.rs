@@ -11,6 +11,7 @@ mod folder;
 mod layer;
 mod place;
 mod report;
+mod room;
 mod shore;
 mod sweep;
 mod three;
@@ -22,22 +23,20 @@ use std::time::Instant;
 use self::folder::Tiles;
 use self::layer::{Kind, Layer};
 use self::place::Places;
+use self::room::{Divided, Room};
 use crate::figures::Figures;
-use crate::memory::{beside_program, cache_beside};
+use crate::memory::{cache_beside, too_little};
 use crate::reading::Reading;
 use crate::tiles::GroundModel;
 use crate::{Cancel, Progress, Resources};
-use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_proof::tiles::{BYTES_PER_VERTEX, Shore, Tile, TileId};
+use terrane_base::error::{Error, Result};
+use terrane_proof::tiles::{Shore, Tile, TileId};
 use terrane_raster::{self as raster, Inputs, Water};
 
 pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
 
 /// Least memory that a proof can work in.
 const LEAST_MEMORY: u64 = 32 << 20;
-
-/// Bytes that are kept of each tile, and of what subtrees tell of it.
-const TILE_BYTES: u64 = 256;
 
 /// Metres by which a distance may be larger than what it is held to: rounding.
 pub const ROUNDING: f64 = 1e-6;
@@ -78,9 +77,13 @@ pub fn verify_tiles(
 ) -> Result<TilesVerifyReport> {
     let start = Instant::now();
     check_memory(&job.resources)?;
-    let all = beside_program(job.resources.memory) / 2;
-    let most = usize::try_from(all / 2 / TILE_BYTES).unwrap_or(usize::MAX);
-    let layer = Layer::read(&job.tiles, most, cancel)?;
+    let mut room = Room::new(&job.resources);
+    let layer = Layer::read(&job.tiles, &room, cancel)?;
+    let tiles = match &layer.kind {
+        Kind::QuantizedMesh => Tiles::find(&layer.folder, &room, cancel)?,
+        Kind::ThreeTiles(three) => three.find(&layer.folder, &room, cancel)?,
+    };
+    room.take_tiles(tiles.all.len());
     let name = job.raster.to_string();
     let of_raster = |e: Error| e.in_file(Path::new(&name));
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
@@ -89,13 +92,12 @@ pub fn verify_tiles(
     let places = Places::of(&*grid, job.geoid.as_deref(), &job.resources)
         .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
     let water = options.water.as_ref().filter(|_| layer.has_water);
-    let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &job.resources);
+    let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &room);
     let shore = water.map(shore).transpose()?;
-    let tiles = match &layer.kind {
-        Kind::QuantizedMesh => Tiles::find(&layer.folder, most, cancel)?,
-        Kind::ThreeTiles(three) => three.find(&layer.folder, most, cancel)?,
-    };
-    let context = Context::new((&layer, shore), &tiles, places, &job.resources, (progress, cancel));
+    room.take(shore.as_ref().map_or(0, Shore::bytes));
+    let room = room.divided(&places, job.resources.threads);
+    let context =
+        Context { layer: &layer, tiles: &tiles, places, shore, progress, cancel, room: &room };
     let (alone, records) = alone::check(&context)?;
     let (sweep, under) = sweep::check(&context)?;
     if sweep.valid == 0 {
@@ -105,7 +107,7 @@ pub fn verify_tiles(
     let mut report = report::report(&context, &found, &grid.info().crs);
     (report.tiles, report.raster) = (job.tiles.display().to_string(), name);
     let figures = Figures::since(start, &job.resources);
-    report.run = Figures { threads: context.threads, ..figures };
+    report.run = Figures { threads: room.threads, ..figures };
     report.samples_per_second = report.run.rate(report.measured);
     Ok(report)
 }
@@ -133,8 +135,7 @@ fn check_memory(resources: &Resources) -> Result<()> {
     if resources.memory >= LEAST_MEMORY {
         return Ok(());
     }
-    let message = format!("{} bytes of memory are too few", resources.memory);
-    Err(Error::new(ErrorKind::Resource, message).remedy("pass --memory 32M or more"))
+    Err(too_little(resources.memory, LEAST_MEMORY))
 }
 
 /// What both passes need to know.
@@ -146,39 +147,16 @@ struct Context<'a> {
     shore: Option<Shore>,
     progress: &'a dyn Progress,
     cancel: &'a Cancel,
-    threads: usize,
-    /// Bytes for what is made of tiles.
-    memory: u64,
-    /// Most vertices of a tile.
-    most: usize,
+    room: &'a Divided,
 }
 
-impl<'a> Context<'a> {
-    fn new(
-        (layer, shore): (&'a Layer, Option<Shore>),
-        tiles: &'a Tiles,
-        places: Places<'a>,
-        resources: &Resources,
-        (progress, cancel): (&'a dyn Progress, &'a Cancel),
-    ) -> Self {
-        let memory = beside_program(resources.memory) / 2;
-        let shores = shore.as_ref().map_or(0, Shore::bytes);
-        let memory = memory.saturating_sub(tiles.all.len() as u64 * TILE_BYTES + shores);
-        let window = sweep::window_bytes(&places);
-        let least = 4 * window;
-        let fitting = usize::try_from(memory / 2 / least).unwrap_or(usize::MAX);
-        let threads = resources.threads.clamp(1, fitting.max(1));
-        let memory = memory.saturating_sub(threads as u64 * window);
-        let share = usize::try_from(memory / 4 / threads as u64).unwrap_or(usize::MAX);
-        let most = share / BYTES_PER_VERTEX;
-        Self { layer, tiles, places, shore, progress, cancel, threads, memory, most }
-    }
-
+impl Context<'_> {
     fn read(&self, id: TileId) -> Result<Tile> {
         let folder = &self.layer.folder;
+        let fit = |vertices| self.room.fit(vertices);
         match (self.layer.three(), self.layer.own(id.level)) {
-            (Some(three), Some(level)) => three.read(folder, id, level, self.most),
-            _ => folder::read(folder, id, self.most),
+            (Some(three), Some(level)) => three.read(folder, id, level, fit),
+            _ => folder::read(folder, id, fit),
         }
     }
 

@@ -4,8 +4,8 @@
 //! pixel of the finest level.
 
 use super::place::Places;
-use crate::Resources;
-use terrane_base::error::{Error, ErrorKind, Result};
+use super::room::Room;
+use terrane_base::error::{Error, Result};
 use terrane_proof::tiles::{Bank, Shore, TileId, UNCLEAR};
 use terrane_raster::Water;
 
@@ -19,18 +19,13 @@ const MOST_PARTS: f64 = 65_536.0;
 /// Of the polygons that meet a raster, for tiles down to the level `finest`.
 ///
 /// # Errors
-/// A polygon that cannot be brought to the globe; more sides than a quarter of the memory holds.
-pub(super) fn shore(
-    water: &Water,
-    places: &Places<'_>,
-    finest: u8,
-    resources: &Resources,
-) -> Result<Shore> {
+/// A polygon that cannot be brought to the globe; more sides than there is room for.
+pub(super) fn shore(water: &Water, places: &Places<'_>, finest: u8, room: &Room) -> Result<Shore> {
     let of_file = |e: Error| e.in_file(water.path());
     let [west, _, east, _] = TileId { level: finest, y: 0, x: 0 }.bounds();
     let off = (east - west) / PIXELS * UNCLEAR * OFF;
-    let most = resources.memory / 4 / Bank::BYTES;
-    let (mut banks, mut beside) = (Vec::new(), None);
+    let most = room.sides();
+    let (mut banks, mut beside, mut count) = (Vec::new(), None, 0);
     for (polygon, ring) in water.rings() {
         // What is beside the raster is told by the ring around a polygon; those of its holes come after it.
         let is_beside = match beside {
@@ -48,10 +43,10 @@ pub(super) fn shore(
                 places.bring(at).map_err(of_file)
             };
             let parts = parts([to(0.0)?, to(0.25)?, to(0.5)?, to(0.75)?, to(1.0)?], off);
-            if banks.len() as u64 + u64::from(parts) > most {
-                let message = "its sides are more than memory holds";
-                let error = Error::new(ErrorKind::Resource, message).remedy("raise --memory");
-                return Err(of_file(error));
+            // Of what does not fit all is counted.
+            count += u64::from(parts);
+            if count > most {
+                continue;
             }
             let mut last = to(0.0)?;
             for part in 1..=parts {
@@ -62,6 +57,7 @@ pub(super) fn shore(
             }
         }
     }
+    room.check_sides(count).map_err(of_file)?;
     Ok(Shore::new(banks))
 }
 

@@ -120,7 +120,7 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Under>)> {
     let levels = usize::from(context.layer.finest) + 1;
     let under = Mutex::new(vec![Under::default(); context.tiles.all.len()]);
     let found = Mutex::new(Found::new(levels));
-    let facets = Cache::new(context.memory / 2);
+    let facets = Cache::new(context.room.memory / 2);
     let bounds = context.places.bounds();
     let side = window(&context.places);
     let across = u64::from(bounds.width.div_ceil(side));
@@ -145,7 +145,7 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Under>)> {
         Ok(())
     };
     let start = || (Found::new(levels), Vec::new());
-    workers::run(context.threads, windows, context.cancel, start, work, finish)?;
+    workers::run(context.room.threads, windows, context.cancel, start, work, finish)?;
     context.progress.end();
     let mut found = std::mem::take(&mut *lock(&found));
     let missing = std::mem::take(&mut found.missing);

@@ -8,8 +8,9 @@ use serde::Deserialize;
 
 use super::folder::{self, Tiles, entries, number};
 use super::layer::{Kind, Layer, Level, Range, check_levels, text_of};
+use super::room::Room;
 use crate::Cancel;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{
     About, Content, Fault, Faults, MOST_LEVEL, MOST_SUBTREE_LEVELS, Said, Schema, Subtree, Tile,
@@ -107,21 +108,21 @@ pub(super) struct Three {
     has_edges: bool,
 }
 
-/// Reads the file of a set and all of its subtrees, of `most` tiles at the most.
+/// Reads the file of a set and all of its subtrees, for whose tiles there has to be room.
 ///
 /// # Errors
 /// Files that cannot be read or are too long; another kind of tileset; what does not fit together in one.
-pub(super) fn read(path: &Path, most: usize, cancel: &Cancel) -> Result<Layer> {
+pub(super) fn read(path: &Path, room: &Room, cancel: &Cancel) -> Result<Layer> {
     let text = text_of(path)?;
     let stored: Stored = serde_json::from_slice(&text).map_err(|e| {
         Error::bad_input(format!("does not describe a set of tiles as terrane makes it: {e}"))
             .in_file(path)
     })?;
-    stored.layer(path, most, cancel)
+    stored.layer(path, room, cancel)
 }
 
 impl Stored {
-    fn layer(self, path: &Path, most: usize, cancel: &Cancel) -> Result<Layer> {
+    fn layer(self, path: &Path, room: &Room, cancel: &Cancel) -> Result<Layer> {
         let of_file = |e: Error| e.in_file(path);
         self.check().map_err(of_file)?;
         let (Some(schema), Some(own)) = (self.schema, self.extras.terrane) else {
@@ -145,7 +146,7 @@ impl Stored {
             has_edges: own.edges,
         };
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-        three.collect(&folder, (tiling.subtree_levels, &schema), most, cancel)?;
+        three.collect(&folder, (tiling.subtree_levels, &schema), room.tiles(), cancel)?;
         let mut available = vec![Vec::new(); usize::from(finest) + 1];
         for id in three.about.keys() {
             let of_level = available.get_mut(usize::from(id.level)).ok_or_else(|| {
@@ -249,6 +250,7 @@ impl Three {
         cancel: &Cancel,
     ) -> Result<()> {
         let mut open: Vec<TileId> = [0, 1].map(|x| TileId { level: 0, y: 0, x }).into();
+        let mut count = 0;
         while let Some(top) = open.pop() {
             cancel.check()?;
             let path = path_of(folder, top, SUBTREE);
@@ -257,18 +259,15 @@ impl Three {
             if top.level + levels > MOST_LEVEL && !found.below.is_empty() {
                 return Err(Error::bad_input("leads to levels beyond the last").in_file(&path));
             }
-            self.subtrees.insert(top);
-            self.about.extend(found.tiles);
             open.extend(found.below);
-            if self.about.len() > most {
-                let message =
-                    format!("tells of more than {most} tiles, which memory does not hold");
-                return Err(Error::new(ErrorKind::Resource, message)
-                    .in_file(folder)
-                    .remedy("raise --memory"));
+            // Of what does not fit all is counted.
+            count += found.tiles.len();
+            if count <= most {
+                self.subtrees.insert(top);
+                self.about.extend(found.tiles);
             }
         }
-        Ok(())
+        Room::check(count, most).map_err(|e| e.in_file(folder))
     }
 
     /// What is told of a tile.
@@ -282,7 +281,7 @@ impl Three {
         folder: &Path,
         id: TileId,
         level: Level,
-        most: usize,
+        fit: impl FnOnce(usize) -> Result<()>,
     ) -> Result<Tile> {
         let path = path_of(folder, id, TILE);
         let said = Said {
@@ -291,7 +290,7 @@ impl Three {
             has_edges: self.has_edges,
             skirt: level.skirt,
         };
-        let read = || Content::read(&folder::bytes(&path)?, most)?.tile(id, said);
+        let read = || Content::read(&folder::bytes(&path)?, fit)?.tile(id, said);
         read().map_err(|e| e.in_file(&path))
     }
 
@@ -314,19 +313,18 @@ impl Three {
     }
 
     /// Looks through the folder of a set for its files.
-    pub(super) fn find(&self, top: &Path, most: usize, cancel: &Cancel) -> Result<Tiles> {
-        let mut found = Tiles::default();
+    pub(super) fn find(&self, top: &Path, room: &Room, cancel: &Cancel) -> Result<Tiles> {
+        let mut found = Tiles::within(room);
         for half in entries(top)? {
             let path = half.path();
             let name = half.file_name();
             match HALVES.iter().position(|known| name == *known).filter(|_| path.is_dir()) {
-                Some(x) => self.find_half(&mut found, &path, x as u32, most, cancel)?,
+                Some(x) => self.find_half(&mut found, &path, x as u32, cancel)?,
                 None if name == NAME => (),
                 None => found.stray(path),
             }
         }
-        found.all.sort_unstable();
-        Ok(found)
+        found.sorted(top)
     }
 
     fn find_half(
@@ -334,7 +332,6 @@ impl Three {
         found: &mut Tiles,
         folder: &Path,
         half: u32,
-        most: usize,
         cancel: &Cancel,
     ) -> Result<()> {
         for level in entries(folder)? {
@@ -351,7 +348,6 @@ impl Three {
                     continue;
                 };
                 self.column(found, &column.path(), (z as u8, x + (half << z)))?;
-                found.check(folder, most)?;
             }
         }
         Ok(())
@@ -363,7 +359,7 @@ impl Three {
             let path = row.path();
             let is_subtree = id(SUBTREE).is_some_and(|top| self.subtrees.contains(&top));
             match id(TILE) {
-                Some(id) if path.is_file() => found.all.push(id),
+                Some(id) if path.is_file() => found.add(id),
                 _ if is_subtree && path.is_file() => (),
                 _ => found.stray(path),
             }
