@@ -1,6 +1,7 @@
 //! `terrane verify` on broken tiles: whatever is done to a sound set, what is wrong with it is named.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -222,7 +223,8 @@ const CHANGES: [Change; 25] = [
     }),
 ];
 
-const CHANGES_OF_INDEX: [ChangeOfIndex; 8] = [
+const CHANGES_OF_INDEX: [ChangeOfIndex; 9] = [
+    ("does not name among its extensions", |l| l["extensions"] = json!(["metadata"])),
     ("larger tolerance than clients assume", |l| {
         l["terrane"]["levels"][3]["tolerance"] = json!(1e5)
     }),
@@ -242,7 +244,14 @@ const CHANGES_OF_INDEX: [ChangeOfIndex; 8] = [
     }),
 ];
 
-const CHANGES_OF_FILES: [ChangeOfFiles; 5] = [
+const CHANGES_OF_FILES: [ChangeOfFiles; 6] = [
+    ("packed where most are not", |p| {
+        let (path, mut packed) = (tile(p), Vec::new());
+        let mut packer = flate2::write::GzEncoder::new(&mut packed, flate2::Compression::fast());
+        packer.write_all(&fs::read(&path).unwrap()).unwrap();
+        packer.finish().unwrap();
+        fs::write(path, packed).unwrap();
+    }),
     ("tiles that are not there and have samples", |p| fs::remove_file(tile(p)).unwrap()),
     ("tiles that name others below them", |p| fs::remove_file(tile(p)).unwrap()),
     ("roots that are not there", |p| fs::remove_file(p.path("t/0/0/0.terrain")).unwrap()),

@@ -233,7 +233,26 @@ fn what_clients_of_terrain_do_not_take_is_refused_by_name() {
     let path = tile(&place);
     let name = path.file_name().unwrap().to_str().unwrap();
     let whole = fs::read(&path).unwrap();
-    let changes: [Change; 9] = [
+    let changes: [Change; 18] = [
+        ("translation", |t| t.text["nodes"][0]["translation"] = json!([100, 0, 0])),
+        ("children", |t| t.text["nodes"][0]["children"] = json!([0])),
+        ("alphaMode", |t| t.text["materials"][0]["alphaMode"] = json!("BLEND")),
+        ("baseColorFactor", |t| {
+            t.text["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([0, 0, 0, 0]);
+        }),
+        ("uses the extension", |t| {
+            t.text.as_object_mut().unwrap().remove("extensionsUsed");
+        }),
+        ("KHR_draco_mesh_compression", |t| {
+            t.primitive()["extensions"]["KHR_draco_mesh_compression"] = json!({});
+        }),
+        ("targets", |t| t.primitive()["targets"] = json!([{"POSITION": 0}])),
+        ("skins", |t| t.text["skins"] = json!([{}])),
+        ("for something else than what is in it", |t| {
+            let accessor = t.primitive()["indices"].as_u64().unwrap() as usize;
+            let view = t.text["accessors"][accessor]["bufferView"].as_u64().unwrap() as usize;
+            t.text["bufferViews"][view]["target"] = json!(34962);
+        }),
         ("turned or scaled", |t| t.text["nodes"][0]["matrix"][0] = json!(2.0)),
         ("without a matrix", |t| {
             t.text["nodes"][0].as_object_mut().unwrap().remove("matrix");
@@ -296,7 +315,25 @@ fn every_change_of_the_tileset_is_named() {
         fs::write(&path, tileset.to_string()).unwrap();
         expect(&place, what);
     }
-    let unknown: [ChangeOfSet<'_>; 9] = [
+    let unknown: [ChangeOfSet<'_>; 17] = [
+        ("transform", &|t| {
+            t["root"]["transform"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1000, 0, 0, 1]);
+        }),
+        ("transform", &|t| t["root"]["children"][1]["transform"] = json!(vec![0; 16])),
+        ("viewerRequestVolume", &|t| {
+            t["root"]["viewerRequestVolume"] = json!({"sphere": [0, 0, 0, 1]});
+        }),
+        ("extensionsRequired", &|t| t["extensionsRequired"] = json!(["FOO_bar"])),
+        ("contents", &|t| t["root"]["children"][0]["contents"] = json!([{"uri": "a.glb"}])),
+        ("offset", &|t| {
+            t["schema"]["classes"]["tile"]["properties"]["minimumHeight"]["offset"] = json!(100.0);
+        }),
+        ("scale", &|t| {
+            t["schema"]["classes"]["tile"]["properties"]["geometricError"]["scale"] = json!(0.1);
+        }),
+        ("noData", &|t| {
+            t["schema"]["classes"]["tile"]["properties"]["minimumHeight"]["noData"] = json!(-1.0);
+        }),
         ("not 1.1", &|t| t["asset"]["version"] = json!("1.0")),
         ("schema", &|t| {
             t.as_object_mut().unwrap().remove("schema");
@@ -379,7 +416,13 @@ fn every_change_of_a_subtree_is_named() {
         fs::write(&path, bytes).unwrap();
         expect(&place, what);
     }
-    let unknown: [(&str, Vec<u8>); 7] = [
+    let unknown: [(&str, Vec<u8>); 8] = [
+        (
+            "scale",
+            with_text(&whole, |t| {
+                t["propertyTables"][0]["properties"]["geometricError"]["scale"] = json!(0.5);
+            }),
+        ),
         ("no subtree", b"no subtree".to_vec()),
         ("two parts", whole[..whole.len() - 8].to_vec()),
         ("bits are set", with_text(&whole, |t| t["tileAvailability"]["availableCount"] = json!(2))),

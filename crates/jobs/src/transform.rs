@@ -291,6 +291,7 @@ impl MeshSink for MovingMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrane_base::error::ErrorKind;
 
     struct Drain;
 

@@ -102,7 +102,8 @@ fn field(line: &str) -> Option<(String, &str)> {
 }
 
 fn is_here(host: &str, port: u16) -> bool {
-    let Some((name, of)) = host.rsplit_once(':') else { return false };
+    // The port of the scheme is left out.
+    let (name, of) = host.rsplit_once(':').unwrap_or((host, "80"));
     (name == "127.0.0.1" || name.eq_ignore_ascii_case("localhost")) && of == port.to_string()
 }
 
@@ -212,6 +213,8 @@ mod tests {
         ] {
             assert_eq!(of(other), Err(NOT_HERE), "{other}");
         }
+        // Browsers leave the port of the scheme out.
+        assert!(is_here("127.0.0.1", 80) && is_here("localhost:80", 80) && !is_here("evil", 80));
         for odd in [
             "X: y",
             "Host: 127.0.0.1:8000\r\nHost: evil.example",

@@ -12,6 +12,8 @@ pub(crate) use args::Args;
 pub(crate) use grid::summary;
 pub(crate) use told::{outcome, tell};
 
+use std::path::{Path, PathBuf};
+
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, check, lists, many};
@@ -20,6 +22,7 @@ use crate::error::{Error, Result};
 use crate::files::name_of;
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
+use crate::jobs::tiles::FORMATS;
 use crate::jobs::verify::tiles::is_tiles;
 
 impl Verb for Args {
@@ -38,11 +41,22 @@ impl Verb for Args {
     }
 }
 
+/// The first set of tiles in a folder that is none itself.
+fn one_of_sets(folder: &Path) -> Option<PathBuf> {
+    let mut sets = FORMATS.iter().map(|format| folder.join(format.name));
+    sets.find(|set| set.is_dir() && is_tiles(set))
+}
+
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let mesh = name_of(args.mesh.clone())?;
     check::input(&mesh)?;
     if is_tiles(&args.mesh) {
         return tiles::run(args, cancel);
+    }
+    if let Some(set) = one_of_sets(&args.mesh) {
+        return Err(Error::usage("holds sets of tiles of several formats")
+            .in_file(&args.mesh)
+            .remedy(format!("name one of them, such as {}", set.display())));
     }
     if !is_mesh(&mesh).unwrap_or(false) && many::are_lines(&args.mesh) {
         return line::run(args, cancel);

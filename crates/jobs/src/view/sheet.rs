@@ -143,6 +143,7 @@ mod tests {
     use super::*;
     use crate::Silent;
     use crate::reading::Reading;
+    use terrane_base::error::ErrorKind;
 
     /// Two triangles that make a square, `high` at a corner.
     fn square(high: f64) -> String {

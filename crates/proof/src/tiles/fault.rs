@@ -102,6 +102,8 @@ faults! {
     BeyondWorld Index "layer.json has bounds beyond the world";
     Assumed Index "levels with a larger tolerance than clients assume";
     Counts Index "levels with another number of tiles than layer.json states";
+    Unannounced Index "tiles with normals, metadata or a mask that layer.json does not name among its extensions";
+    Mixed Index "tiles that are packed where most are not, or are not where most are";
     Stray Index "files that are neither layer.json nor a tile";
 }
 

@@ -15,13 +15,20 @@ const U16: u32 = 5123;
 const U32: u32 = 5125;
 const FLOAT: u32 = 5126;
 
+/// Targets of buffer views.
+const OF_VERTICES: u32 = 34_962;
+const OF_INDICES: u32 = 34_963;
+/// The extension that lists the vertices of sides.
+const EDGES: &str = "CESIUM_tile_edges";
 /// Extensions that a file may need.
 const KNOWN: [&str; 2] = ["EXT_meshopt_compression", "KHR_mesh_quantization"];
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub(super) struct Gltf {
     asset: Asset,
+    #[serde(default)]
+    extensions_used: Vec<String>,
     #[serde(default)]
     extensions_required: Vec<String>,
     #[serde(default)]
@@ -29,6 +36,8 @@ pub(super) struct Gltf {
     scenes: Vec<Scene>,
     nodes: Vec<Node>,
     meshes: Vec<Mesh>,
+    #[serde(default, rename = "materials")]
+    _materials: Vec<Material>,
     accessors: Vec<Accessor>,
     buffer_views: Vec<View>,
     buffers: Vec<Buffer>,
@@ -40,32 +49,38 @@ struct Asset {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Scene {
     nodes: Vec<usize>,
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Node {
     mesh: Option<usize>,
     pub(super) matrix: Option<[f64; 16]>,
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Mesh {
     primitives: Vec<Primitive>,
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Primitive {
     pub(super) attributes: Attributes,
     pub(super) indices: Option<usize>,
+    #[serde(rename = "material")]
+    _material: Option<usize>,
     mode: Option<u32>,
     #[serde(default)]
     pub(super) extensions: Extensions,
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
+#[serde(rename_all = "UPPERCASE", deny_unknown_fields)]
 pub(super) struct Attributes {
     pub(super) position: usize,
     #[serde(rename = "TEXCOORD_0")]
@@ -73,13 +88,32 @@ pub(super) struct Attributes {
     pub(super) normal: Option<usize>,
 }
 
+/// How a tile is drawn: as it is, lit from outside, and with nothing behind it seen.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+struct Material {
+    #[serde(rename = "pbrMetallicRoughness")]
+    _surface: Option<Lit>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+struct Lit {
+    #[serde(rename = "metallicFactor")]
+    _metallic: Option<f64>,
+    #[serde(rename = "roughnessFactor")]
+    _roughness: Option<f64>,
+}
+
 #[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Extensions {
     #[serde(rename = "CESIUM_tile_edges")]
     pub(super) edges: Option<Edges>,
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Edges {
     pub(super) left: usize,
     pub(super) bottom: usize,
@@ -88,7 +122,7 @@ pub(super) struct Edges {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub(super) struct Accessor {
     buffer_view: Option<usize>,
     #[serde(default)]
@@ -105,18 +139,20 @@ pub(super) struct Accessor {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct View {
     buffer: usize,
     #[serde(default)]
     byte_offset: usize,
     byte_length: usize,
     byte_stride: Option<usize>,
+    target: Option<u32>,
     #[serde(default)]
     extensions: OfView,
 }
 
 #[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct OfView {
     #[serde(rename = "EXT_meshopt_compression")]
     packed: Option<Packed>,
@@ -124,7 +160,7 @@ struct OfView {
 
 /// What is said of a view that is compressed.
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Packed {
     buffer: usize,
     #[serde(default)]
@@ -137,7 +173,7 @@ struct Packed {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Buffer {
     byte_length: usize,
     uri: Option<String>,
@@ -146,12 +182,14 @@ struct Buffer {
 }
 
 #[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct OfBuffer {
     #[serde(rename = "EXT_meshopt_compression")]
     packed: Option<Fallback>,
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Fallback {
     fallback: bool,
 }
@@ -219,6 +257,8 @@ impl<'a> File<'a> {
         if let Some(name) = self.gltf.extensions_required.iter().find(is_other) {
             return Err(refuse(&format!("needs the extension {name:?}")));
         }
+        self.check_extensions()?;
+        self.check_targets()?;
         let is_here = |buffer: &Buffer| {
             buffer.uri.is_none() && buffer.byte_length.next_multiple_of(4) == self.bytes.len()
         };
@@ -229,6 +269,50 @@ impl<'a> File<'a> {
         match self.gltf.buffers.split_first() {
             Some((first, others)) if is_here(first) && others.iter().all(is_fallback) => Ok(()),
             _ => Err(bad("has another buffer than its second chunk".to_owned())),
+        }
+    }
+
+    /// Clients go by the lists of extensions.
+    fn check_extensions(&self) -> Result<()> {
+        let Gltf { extensions_used: used, extensions_required: required, .. } = &self.gltf;
+        let is_packed = self.gltf.buffer_views.iter().any(|view| view.extensions.packed.is_some());
+        let primitives = || self.gltf.meshes.iter().flat_map(|mesh| &mesh.primitives);
+        let is_short = primitives().any(|primitive| {
+            let position = self.gltf.accessors.get(primitive.attributes.position);
+            position.is_some_and(|position| position.component_type != FLOAT)
+        });
+        let has_edges = primitives().any(|primitive| primitive.extensions.edges.is_some());
+        let has = |list: &[String], name: &str| list.iter().any(|own| own == name);
+        let needs = [(is_packed, KNOWN[0]), (is_short, KNOWN[1])];
+        if let Some((_, name)) = needs.iter().find(|(is, name)| *is && !has(required, name)) {
+            return Err(refuse(&format!("does not say that it needs the extension {name:?}")));
+        }
+        let mut uses =
+            required.iter().map(|name| (true, name.as_str())).chain([(has_edges, EDGES)]);
+        match uses.find(|(is, name)| *is && !has(used, name)) {
+            Some((_, name)) => {
+                Err(refuse(&format!("does not say that it uses the extension {name:?}")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Clients put views where they are said to belong.
+    fn check_targets(&self) -> Result<()> {
+        let target = |number: usize| {
+            let view = self.gltf.accessors.get(number)?.buffer_view?;
+            self.gltf.buffer_views.get(view)?.target
+        };
+        let is_odd = |Primitive { attributes, indices, .. }: &Primitive| {
+            let Attributes { position, place, normal } = attributes;
+            let of_vertices = [Some(*position), *place, *normal].into_iter().flatten();
+            let is_other = |number, known| target(number).is_some_and(|target| target != known);
+            indices.is_some_and(|number| is_other(number, OF_INDICES))
+                || of_vertices.into_iter().any(|number| is_other(number, OF_VERTICES))
+        };
+        match self.gltf.meshes.iter().flat_map(|mesh| &mesh.primitives).any(is_odd) {
+            true => Err(refuse("has a buffer view for something else than what is in it")),
+            false => Ok(()),
         }
     }
 

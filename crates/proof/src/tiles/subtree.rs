@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::contain::About;
 use super::tiling::TileId;
@@ -20,19 +21,21 @@ const TOLD: [(&str, usize); 5] = [
     ("TILE_GEOMETRIC_ERROR", 1),
 ];
 
-/// The classes of what is told: names of properties, and what they mean.
+/// The classes of what is told: names of properties, and what they mean. Values are what is stored: whatever would
+/// make others of them is refused.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Schema {
     classes: BTreeMap<String, Class>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Class {
     properties: BTreeMap<String, Property>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Property {
     #[serde(rename = "type")]
     kind: String,
@@ -41,6 +44,12 @@ struct Property {
     array: bool,
     count: Option<usize>,
     semantic: Option<String>,
+    #[serde(rename = "required")]
+    _required: Option<IgnoredAny>,
+    #[serde(rename = "name")]
+    _name: Option<IgnoredAny>,
+    #[serde(rename = "description")]
+    _about: Option<IgnoredAny>,
 }
 
 impl Property {
@@ -57,7 +66,7 @@ impl Property {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Stored {
     #[serde(default)]
     buffers: Vec<Length>,
@@ -71,14 +80,14 @@ struct Stored {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Length {
     byte_length: usize,
     uri: Option<String>,
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct View {
     buffer: usize,
     byte_offset: usize,
@@ -86,7 +95,7 @@ struct View {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Bits {
     bitstream: Option<usize>,
     constant: Option<u8>,
@@ -94,6 +103,7 @@ struct Bits {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Table {
     class: String,
     count: usize,
@@ -102,6 +112,7 @@ struct Table {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Column {
     values: usize,
 }

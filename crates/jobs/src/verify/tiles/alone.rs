@@ -74,17 +74,40 @@ pub(super) struct Found {
     pub(super) sizes: Vec<[u64; 2]>,
     /// Of masks of water.
     pub(super) pixels: Pixels,
+    /// Tiles that are not packed, and that are.
+    pub(super) packed: [Tally; 2],
+}
+
+/// How many tiles there are of a kind, and the first.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
+    pub(super) count: u64,
+    pub(super) first: Option<TileId>,
+}
+
+impl Tally {
+    fn add(&mut self, id: TileId) {
+        self.merge(&Self { count: 1, first: Some(id) });
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.first = self.first.into_iter().chain(other.first).min();
+    }
 }
 
 impl Found {
     fn new(levels: usize) -> Self {
         let (borders, sizes) = (vec![Default::default(); levels], vec![[0; 2]; levels]);
-        Self { faults: Faults::default(), borders, sizes, pixels: Pixels::default() }
+        Self { borders, sizes, ..Self::default() }
     }
 
     fn merge(&mut self, other: &Self) {
         self.faults.merge(&other.faults);
         self.pixels.merge(&other.pixels);
+        for (mine, theirs) in self.packed.iter_mut().zip(&other.packed) {
+            mine.merge(theirs);
+        }
         for (mine, theirs) in self.borders.iter_mut().zip(&other.borders) {
             mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| mine.merge(theirs));
         }
@@ -144,7 +167,8 @@ struct Looker<'a> {
 impl Looker<'_> {
     fn look(&self, id: TileId, found: &mut Found) -> Result<Record> {
         let (context, layer) = (self.context, &self.context.layer);
-        let tile = context.read(id)?;
+        let (tile, is_packed) = context.read(id)?;
+        found.packed[usize::from(is_packed)].add(id);
         let faults = &mut found.faults;
         structure(id, &tile, faults);
         let positions = Facets::positions(id, &tile);
@@ -155,6 +179,13 @@ impl Looker<'_> {
         }
         let lacks = layer.has_normals && tile.normals.is_none();
         faults.add(Fault::NoNormals, u64::from(lacks), id);
+        let has_more = [
+            (tile.normals.is_some(), layer.has_normals),
+            (tile.metadata.is_some(), layer.has_metadata),
+            (tile.water.is_some(), layer.has_water),
+        ];
+        let has_more = has_more.iter().any(|(has, is_named)| *has && !is_named);
+        faults.add(Fault::Unannounced, u64::from(has_more), id);
         let lacks = layer.has_metadata && tile.metadata.is_none();
         faults.add(Fault::NoMetadata, u64::from(lacks), id);
         faults.add(Fault::NoMask, u64::from(layer.has_water && tile.water.is_none()), id);
@@ -255,7 +286,7 @@ impl Looker<'_> {
             return Ok(None);
         }
         let make = || {
-            let sides = sides(id, &self.context.read(id)?);
+            let sides = sides(id, &self.context.read(id)?.0);
             let bytes = sides.iter().map(Chain::bytes).sum();
             Ok((sides, bytes))
         };

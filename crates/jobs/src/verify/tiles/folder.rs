@@ -144,21 +144,23 @@ pub(super) fn read(
     folder: &Path,
     id: TileId,
     fit: impl FnOnce(usize) -> Result<()>,
-) -> Result<Tile> {
+) -> Result<(Tile, bool)> {
     let path = path_of(folder, id);
-    Tile::read(&bytes(&path)?, fit).map_err(|e| e.in_file(&path))
+    let (bytes, is_packed) = bytes(&path)?;
+    let tile = Tile::read(&bytes, fit).map_err(|e| e.in_file(&path))?;
+    Ok((tile, is_packed))
 }
 
-/// The bytes of a file, unpacked.
-pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
-    let read = || -> Result<Vec<u8>> {
+/// The bytes of a file, unpacked, and whether they are packed in it.
+pub(super) fn bytes(path: &Path) -> Result<(Vec<u8>, bool)> {
+    let read = || -> Result<(Vec<u8>, bool)> {
         let file = File::open(path).map_err(|e| Error::read(path, e))?;
         let mut bytes = Vec::new();
         file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::read(path, e))?;
         limits::check("length of the tile", bytes.len() as u64, MOST_BYTES)?;
         match bytes.starts_with(&GZIP) {
-            true => unpacked(&bytes),
-            false => Ok(bytes),
+            true => Ok((unpacked(&bytes)?, true)),
+            false => Ok((bytes, false)),
         }
     };
     read().map_err(|e| e.in_file(path))

@@ -151,7 +151,8 @@ struct Context<'a> {
 }
 
 impl Context<'_> {
-    fn read(&self, id: TileId) -> Result<Tile> {
+    /// A tile, and whether its file is packed.
+    fn read(&self, id: TileId) -> Result<(Tile, bool)> {
         let folder = &self.layer.folder;
         let fit = |vertices| self.room.fit(vertices);
         match (self.layer.three(), self.layer.own(id.level)) {

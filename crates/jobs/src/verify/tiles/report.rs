@@ -223,6 +223,9 @@ impl Judge<'_> {
         let beyond = tiles.all.partition_point(|id| id.level <= layer.finest);
         tiles.all[beyond..].iter().for_each(|&id| faults.add(Fault::NotAvailable, 1, id));
         faults.add(Fault::Stray, tiles.strays, None);
+        let [plain, packed] = &self.found.alone.packed;
+        let fewer = if plain.count < packed.count { plain } else { packed };
+        faults.add(Fault::Mixed, fewer.count, fewer.first);
         if let Some(three) = layer.three() {
             three.check(faults);
         }

@@ -282,7 +282,7 @@ impl Level<'_> {
 
     fn facets_of(&self, id: TileId) -> Result<Arc<Facets>> {
         self.facets.get(id, || {
-            let tile = self.window.context.read(id)?;
+            let (tile, _) = self.window.context.read(id)?;
             let facets = Facets::new(&tile, &Facets::positions(id, &tile));
             let bytes = facets.bytes();
             Ok((facets, bytes))

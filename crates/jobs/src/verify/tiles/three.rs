@@ -29,7 +29,7 @@ const SUBTREE: &str = ".subtree";
 const RADIANS: f64 = 1e-12;
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Stored {
     asset: Asset,
     schema: Option<Schema>,
@@ -59,7 +59,7 @@ struct Own {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Root {
     bounding_volume: Volume,
     geometric_error: f64,
@@ -68,12 +68,13 @@ struct Root {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Volume {
     region: [f64; 6],
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Half {
     bounding_volume: Volume,
     geometric_error: f64,
@@ -83,12 +84,13 @@ struct Half {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Address {
     uri: String,
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct Implicit {
     subdivision_scheme: String,
     subtree_levels: u8,
@@ -254,7 +256,7 @@ impl Three {
         while let Some(top) = open.pop() {
             cancel.check()?;
             let path = path_of(folder, top, SUBTREE);
-            let bytes = folder::bytes(&path)?;
+            let (bytes, _) = folder::bytes(&path)?;
             let found = Subtree::read(&bytes, top, levels, schema).map_err(|e| e.in_file(&path))?;
             if top.level + levels > MOST_LEVEL && !found.below.is_empty() {
                 return Err(Error::bad_input("leads to levels beyond the last").in_file(&path));
@@ -282,7 +284,7 @@ impl Three {
         id: TileId,
         level: Level,
         fit: impl FnOnce(usize) -> Result<()>,
-    ) -> Result<Tile> {
+    ) -> Result<(Tile, bool)> {
         let path = path_of(folder, id, TILE);
         let said = Said {
             step: level.step,
@@ -290,8 +292,9 @@ impl Three {
             has_edges: self.has_edges,
             skirt: level.skirt,
         };
-        let read = || Content::read(&folder::bytes(&path)?, fit)?.tile(id, said);
-        read().map_err(|e| e.in_file(&path))
+        let (bytes, is_packed) = folder::bytes(&path)?;
+        let read = || Content::read(&bytes, fit)?.tile(id, said);
+        read().map(|tile| (tile, is_packed)).map_err(|e| e.in_file(&path))
     }
 
     /// Holds what is told of tiles to what is told of those below, and regions to all of them.
