@@ -397,8 +397,12 @@ fn files_that_are_no_tiles_are_errors_with_their_place() {
         assert!([65, 75].contains(&ran.code), "{i}: {} {}", ran.code, ran.err);
         assert!(ran.err.contains(name) && ran.err.lines().count() == 1, "{i}: {}", ran.err);
     }
-    // The same bytes, packed, are the same tile.
+    // The same bytes, packed, are the same tile, and nothing else is wrong with it.
     fs::write(&path, sound).unwrap();
+    assert_eq!(unnamed(&place, "packed where most are not"), None);
+    let told = parsed(&place.run(&["verify", "t", "dem.asc", "--json"]).out);
+    assert_eq!(told["failures"].as_array().unwrap().len(), 1, "{told}");
+    fs::write(&path, whole).unwrap();
     place.ok(&["verify", "t", "dem.asc", "-q"]);
     place.write("t/layer.json", "{");
     place.fails(&["verify", "t", "dem.asc"], 65, &["layer.json"]);

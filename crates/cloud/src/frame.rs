@@ -178,7 +178,7 @@ fn shifted(claims: &[Claim], axes: [Axis; 3]) -> Result<Common> {
 fn rounded(claims: &[Claim]) -> Result<Common> {
     let mut frame = Frame { scale: [1.0; 3], offset: [0.0; 3] };
     let mut moved = [0.0; 3];
-    for axis in 0..3 {
+    for (axis, moved) in moved.iter_mut().enumerate() {
         let scale = claims.iter().map(|c| c.scale[axis]).fold(f64::INFINITY, f64::min);
         let low = claims.iter().map(|c| c.world(c.low)[axis]).fold(f64::INFINITY, f64::min);
         let high = claims.iter().map(|c| c.world(c.high)[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -191,7 +191,7 @@ fn rounded(claims: &[Claim]) -> Result<Common> {
         let offset = Ruler::new(scale, 0.0).at(origin);
         (frame.scale[axis], frame.offset[axis]) = (scale, offset);
         if !claims.iter().all(|claim| is_within(claim, axis, (scale, offset))) {
-            moved[axis] = scale / 2.0;
+            *moved = scale / 2.0;
         }
     }
     let maps = vec![Map::Round(frame); claims.len()];

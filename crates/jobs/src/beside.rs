@@ -68,7 +68,7 @@ impl Beside {
         let message =
             format!("its {vertices} vertices take {needed} MiB of the {allowed} MiB allowed");
         let enough = (4 * needed + BESIDE) << 20;
-        short(message, enough).or(&self.remedy).in_file(&self.path)
+        short(message, enough).or(self.remedy).in_file(&self.path)
     }
 }
 

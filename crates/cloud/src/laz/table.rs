@@ -134,7 +134,7 @@ fn entries(
     let packed = file.read_vec(place + HEAD_BYTES, bytes).map_err(unreadable)?;
     let sizes = unpack(&packed, count, layout.chunk_points.is_none())
         .ok_or_else(|| missing("the chunk table is damaged"))?;
-    placed(&sizes, header.count, layout.chunk_points, first..place)
+    placed(&sizes, header.count, layout, first..place)
 }
 
 /// Points, where they are known, and bytes of each chunk.
@@ -160,7 +160,7 @@ fn unpack(packed: &[u8], count: u64, has_points: bool) -> Option<Vec<(u32, u32)>
 fn placed(
     sizes: &[(u32, u32)],
     count: u64,
-    chunk_points: Option<u32>,
+    layout: &Layout,
     room: std::ops::Range<u64>,
 ) -> std::result::Result<(Vec<Chunk>, u64), Missing> {
     let (mut at, mut left, mut more) = (room.start, count, 0);
@@ -173,11 +173,12 @@ fn placed(
                 room.end - at
             )));
         }
-        let all = u64::from(chunk_points.unwrap_or(*points));
+        let all = u64::from(layout.chunk_points.unwrap_or(*points));
         let points = all.min(left);
         if points > 0 {
             chunks.push(Chunk { at, bytes, points });
-        } else {
+        } else if bytes >= layout.record as u64 {
+            // A chunk begins with a whole point.
             more += all;
         }
         (at, left) = (at + bytes, left - points);

@@ -4,7 +4,7 @@ use crate::Flags;
 use crate::PointFormat;
 use crate::lattice::MOST_DECIMALS;
 use crate::sieve::Raw;
-use crate::write::{self, Column};
+use crate::write::{self, Column, Value};
 
 /// Largest mantissa that is exact in `f64`, and most decimals that its power of ten is exact for.
 const EXACT_MANTISSA: u64 = 1 << 53;
@@ -283,11 +283,18 @@ impl Grammar {
             let Some((_, text)) = fields.by_ref().find(|(number, _)| number == at) else {
                 return Err(format!("there is no {}", field.name()));
             };
-            let value = number(text, self.separator == Separator::Semicolon).ok_or_else(|| {
-                let text = String::from_utf8_lossy(&text[..text.len().min(40)]);
-                format!("{text:?} is no {}", field.name())
-            })?;
-            field.set(record, value.0)?;
+            match (number(text, self.separator == Separator::Semicolon), field.value) {
+                (Some((value, _)), _) => field.set(record, value)?,
+                // Times are whatever a file has.
+                (None, Value::Float(8)) if word(text).is_some() => {
+                    let bytes = word(text).unwrap_or_default().to_le_bytes();
+                    record[field.at..][..8].copy_from_slice(&bytes);
+                }
+                _ => {
+                    let text = String::from_utf8_lossy(&text[..text.len().min(40)]);
+                    return Err(format!("{text:?} is no {}", field.name()));
+                }
+            }
         }
         Ok(())
     }
@@ -356,6 +363,11 @@ const POWERS: [f64; EXACT_DECIMALS + 1] = [
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 
+/// NaN or an infinity.
+fn word(field: &[u8]) -> Option<f64> {
+    std::str::from_utf8(field).ok()?.parse().ok().filter(|value: &f64| !value.is_finite())
+}
+
 /// Any other number; its decimals are as many as it takes to be whole.
 fn any_number(field: &[u8], comma: bool) -> Option<(f64, u8)> {
     let text = std::str::from_utf8(field).ok()?;
@@ -423,6 +435,8 @@ mod tests {
         assert_eq!(told, expected.map(|(name, value)| (name.to_owned(), value)));
         assert_eq!(values.returns, [1, 1]);
         assert!(all.notes().contains(&"columns that are not read: foo, foo".to_owned()));
+        let odd = all.values(b"1 2 3 1 2 3 4 NaN 0 1 5 6").unwrap();
+        assert!(all.time(&odd).unwrap().is_nan());
         for bad in ["70000 1 1 1 1 1 0 0 5 6", "1 1 1 1 1 1 2 0 5 6", "1 1 1 1 1 x 0 0 5 6"] {
             let line = format!("1 2 3 {bad}");
             assert!(all.values(line.as_bytes()).is_err(), "{line}");

@@ -48,8 +48,7 @@ impl Value {
                 let half = 256_f64.powi(bytes as i32) / 2.0;
                 [-half, half - 1.0]
             }
-            // Up to 180 degrees.
-            Self::Angle => [-30_000.0, 30_000.0],
+            Self::Angle => [f64::from(i16::MIN), f64::from(i16::MAX)],
             Self::Float(4) => [f64::from(f32::MIN), f64::from(f32::MAX)],
             Self::Float(_) => [f64::MIN, f64::MAX],
         }
