@@ -182,7 +182,8 @@ impl Sieve {
         ))
         .at(format_args!("point {index}"))
         .remedy(
-            "--salvage leaves such points out; or mend the header, as pdal translate IN OUT does",
+            "mend the header, as pdal translate IN OUT does; --salvage leaves such points out, of compressed ones all of \
+             their chunk",
         )
     }
 }
