@@ -22,15 +22,11 @@ const NAMES: [&[&str]; 6] = [
 /// Of these, x, y and z must be there.
 const NEEDED: usize = 3;
 /// Other names of fields than those that we write.
-const ALIASES: [(&str, &str); 11] = [
-    ("time", "gpstime"),
-    ("i", "intensity"),
+const ALIASES: [(&str, &str); 7] = [
     ("nir", "infrared"),
     ("sourceid", "pointsourceid"),
     ("scananglerank", "scanangle"),
-    ("angle", "scanangle"),
     ("scandirectionflag", "scandirection"),
-    ("channel", "scannerchannel"),
     ("keypointflag", "keypoint"),
     ("withheldflag", "withheld"),
     ("overlapflag", "overlap"),
@@ -442,6 +438,9 @@ mod tests {
             assert!(all.values(line.as_bytes()).is_err(), "{line}");
         }
         assert_eq!(Grammar::of(b"1 2 3 4 5").unwrap().notes().len(), 2);
+        // What may be something else is not taken for a field.
+        let other = Grammar::of(b"x,y,z,time,i,angle,channel").unwrap();
+        assert!(other.values(b"1,2,3,12:30:05,0.5,left,a").is_ok() && other.known().is_empty());
         assert_eq!(Grammar::of(b"x,y,z,nir").unwrap().format().number(), 8);
         let decimal = Grammar::of(b"1,5;2;3,25").unwrap();
         assert_eq!(decimal.values(b"1,5;2;3,25").unwrap().world, [1.5, 2.0, 3.25]);
