@@ -1,0 +1,1 @@
+//! Reports on rasters and meshes of them.

@@ -1,0 +1,1 @@
+//! Reports on tiles of the globe.
