@@ -79,7 +79,7 @@ pub use facade::*;
 pub use terrane_base::bound::Bound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
-pub use terrane_cloud::{CloudInfo, Filter, Flags, Marks, PointFormat, Return};
+pub use terrane_cloud::{CloudInfo, Filter, Flags, LasVersion, Marks, PointFormat, Return};
 pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::contour::ContourReport;
 pub use terrane_jobs::convert::ConvertReport;

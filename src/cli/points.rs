@@ -8,7 +8,7 @@ use crate::cli::shared::points::{self, Points, parse_format};
 use crate::cli::shared::system::{self, System};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
-use crate::cloud::{OpenOptions, PointFormat};
+use crate::cloud::{LasVersion, OpenOptions, PointFormat};
 use crate::error::Result;
 use crate::jobs::sift::Sifted;
 use crate::jobs::translate::plan::{PointsWritten, run_in};
@@ -60,6 +60,9 @@ pub(super) struct Wanted {
     /// Format of the points, 0 to 10 [default: the first that holds all fields of all files]
     #[arg(long, value_name = "N", value_parser = parse_format)]
     point_format: Option<PointFormat>,
+    /// Version of LAS, 1.2 to 1.5 [default: the first that has points of the format]
+    #[arg(long, value_name = "VERSION")]
+    las_version: Option<LasVersion>,
     /// Only one of the points that have the same place and time: the first
     #[arg(long)]
     dedupe: bool,
@@ -167,6 +170,7 @@ impl Wanted {
         Ok(TranslateJob {
             cloud,
             format: self.point_format,
+            version: self.las_version,
             dedupe: self.dedupe,
             above: self.above(),
             assign: self.attribute.clone(),

@@ -74,7 +74,9 @@ pub fn open_points(positions: &[[f64; 3]], marks: Option<&[Marks]>, crs: Crs) ->
 
 impl Cloud {
     fn open(inputs: Vec<String>, options: OpenOptions) -> Result<Self> {
-        let info = cloud::source(&inputs, &options)?.info().clone();
+        // What a job cannot work on, it says.
+        let any = OpenOptions { any_extent: true, ..options.clone() };
+        let info = cloud::source(&inputs, &any)?.info().clone();
         Ok(Self { inputs, options, info, held: None })
     }
 

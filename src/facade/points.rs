@@ -6,7 +6,7 @@ use super::cloud::Cloud;
 use super::plan::Plan;
 use super::run::{Run, System, overwrite_setting, run_settings, system_settings};
 use terrane_base::{Error, Result};
-use terrane_cloud::PointFormat;
+use terrane_cloud::{LasVersion, PointFormat};
 use terrane_jobs::translate::plan::{PlanPointsJob, plan_points};
 use terrane_jobs::translate::{
     self, Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, TranslateReport,
@@ -31,6 +31,7 @@ use terrane_jobs::translate::{
 pub struct PointsBuilder<'a> {
     cloud: &'a Cloud,
     format: Option<PointFormat>,
+    version: Option<LasVersion>,
     dedupe: bool,
     above: Above,
     assign: Vec<Assign>,
@@ -51,6 +52,7 @@ impl<'a> PointsBuilder<'a> {
         Self {
             cloud,
             format: None,
+            version: None,
             dedupe: false,
             above: Above::default(),
             assign: Vec::new(),
@@ -66,6 +68,25 @@ impl<'a> PointsBuilder<'a> {
     /// The format of the points; the first that has all fields of all files unless told otherwise.
     pub fn format(mut self, format: PointFormat) -> Self {
         self.format = Some(format);
+        self
+    }
+
+    /// The version of LAS; the first that has points of the format unless told otherwise.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, made] = ["points.xyz", "made.laz"].map(|name| folder.path().join(name));
+    /// use terrane::LasVersion;
+    /// std::fs::write(&path, "x y z\n0.5 0.5 3\n").unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+    /// cloud.points().las_version(LasVersion::V1_5).write(&made)?;
+    /// assert_eq!(std::fs::read(&made).unwrap()[24..26], [1, 5]);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn las_version(mut self, version: LasVersion) -> Self {
+        self.version = Some(version);
         self
     }
 
@@ -220,6 +241,7 @@ impl<'a> PointsBuilder<'a> {
         Ok(TranslateJob {
             cloud: self.cloud.options.clone(),
             format: self.format,
+            version: self.version,
             dedupe: self.dedupe,
             above: self.above.clone(),
             assign: self.assign.clone(),

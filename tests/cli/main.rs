@@ -11,6 +11,7 @@ mod tiff_builder;
 mod bad_clouds;
 mod bad_input;
 mod cloud;
+mod cloud_order;
 mod color_relief;
 mod contour;
 mod crs_matrix;

@@ -185,3 +185,57 @@ fn cells_and_squares_are_where_they_are_told_to_be() {
     names.sort();
     assert_eq!(names, ["499999.5_4749978.6.laz", "500099.4_4750078.5.laz"]);
 }
+
+/// Where the header of LAS has where points begin, scales, offsets, and the largest and least x.
+const POINTS_AT: usize = 96;
+const SCALES: usize = 131;
+const OFFSETS: usize = 155;
+const BOUNDS: usize = 179;
+
+#[test]
+fn clouds_wider_than_geometry_is_exact_in_are_copied_and_others_are_told_what_helps() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=40,density=2,seed=5", "a.las", "-q"]);
+    let plain = place.bytes("a.las");
+    let four = |at: usize| u32::from_le_bytes(plain[at..at + 4].try_into().unwrap());
+    let float = |at: usize| f64::from_le_bytes(plain[at..at + 8].try_into().unwrap());
+    let tin = ["tin", "wide.las", "out.ply", "--max-error", "1", "--overwrite"];
+    for (axis, part) in [(0, "--bounds"), (1, "--bounds"), (2, "--z-range")] {
+        let mut bytes = plain.clone();
+        let mut put = |at: usize, with: &[u8]| bytes[at..at + with.len()].copy_from_slice(with);
+        for (point, step, bound) in [(0, i32::MAX, 0), (1, i32::MIN, 8)] {
+            let world = f64::from(step) * float(SCALES + 8 * axis) + float(OFFSETS + 8 * axis);
+            put(four(POINTS_AT) as usize + 30 * point + 4 * axis, &step.to_le_bytes());
+            put(BOUNDS + 16 * axis + bound, &world.to_le_bytes());
+        }
+        place.write("wide.las", &bytes);
+        let told = place.ok(&["info", "wide.las", "--stats", "--json"]).out;
+        let count = json(&told)["points"].clone();
+        assert_eq!(json(&told)["stats"]["read"], count, "{told}");
+        for (output, how) in [
+            ("out.las", &[][..]),
+            ("out.laz", &["--dedupe", "--attribute", "user_data=3"]),
+            ("out.copc.laz", &[]),
+            ("out.csv", &["--sort", "morton"]),
+        ] {
+            let args = ["points", "wide.las", output, "--overwrite", "--keep-withheld", "--json"];
+            let made = json(&place.ok(&[&args, how].concat()).out);
+            assert_eq!(made["points"], count, "{output}");
+        }
+        let records = |name: &str| place.bytes(name)[four(POINTS_AT) as usize..].to_vec();
+        assert!(records("out.las") == records("wide.las"));
+        place.write("out.ply", "");
+        place.write("sparse.laz", "");
+        place.fails(&tin, 65, &["xyz"[axis..=axis].as_ref(), "steps of", part]);
+        let thin = ["points", "wide.las", "sparse.laz", "--thin", "1", "--overwrite"];
+        place.fails(&thin, 65, &[part]);
+        // What the error advises helps.
+        let within = match axis {
+            2 => ["--z-range".to_owned(), "-1000,5000".to_owned()],
+            _ => ["--bounds".to_owned(), "500000,4750000,500040,4750040".to_owned()],
+        };
+        let within: Vec<&str> = within.iter().map(String::as_str).collect();
+        place.ok(&[&tin[..], &within].concat());
+        place.ok(&[&thin[..], &within].concat());
+    }
+}

@@ -16,5 +16,6 @@ mod noise_plan;
 mod octree;
 mod synth;
 mod translate;
+mod versions;
 mod whole;
 mod write;

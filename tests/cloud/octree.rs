@@ -57,7 +57,7 @@ fn held(
     points: Vec<Fine>,
     nodes: &mut BTreeMap<[i32; 4], Vec<Vec<u8>>>,
 ) -> Vec<Fine> {
-    if points.len() <= 1 << 16 {
+    if points.len() <= 1 << 16 || points.iter().all(|(fine, _)| *fine == points[0].0) {
         return points;
     }
     let [level, x, y, z] = key;
@@ -161,4 +161,80 @@ fn an_octree_holds_each_point_once_in_its_cube_and_more_than_one_node() {
     }
     let again = terrane_cloud::open(&[output.to_str().unwrap().to_owned()], &keep_all()).unwrap();
     assert_eq!((again.format(), read_all(&again).unwrap().1.kept), ("COPC", 300_000));
+}
+
+/// Whole coordinates, in centimetres, of clouds that are hard to divide; and the deepest level that they need.
+fn heaps() -> Vec<(&'static str, Vec<[i32; 3]>, i32)> {
+    let heap = |at: [i32; 3]| std::iter::repeat_n(at, 70_000);
+    let spread = |step: usize| {
+        (0..500_usize).map(move |i| [i * step, i * 7919 % 500 * step, i % 7].map(|at| at as i32))
+    };
+    let metre = (0..70_000).map(|i| [i % 100, i / 100 % 100, i / 10_000]);
+    let off = |at: [i32; 3]| [at[0] + 100_000, at[1] + 100_000, at[2]];
+    vec![
+        ("no point", Vec::new(), 0),
+        ("one point", vec![[3, 4, 5]], 0),
+        ("one place", heap([5, 6, 7]).collect(), 0),
+        ("others far off", heap([0; 3]).chain(spread(1).map(off)).collect(), 1),
+        ("others around", heap([40_000; 3]).chain(spread(200)).collect(), 8),
+        ("others beside", heap([0; 3]).chain(spread(1)).chain([off([0; 3])]).collect(), 17),
+        ("two places", heap([0; 3]).chain(heap([1, 0, 0])).chain([off([0; 3])]).collect(), 17),
+        ("a metre, and others far off", metre.chain(spread(1).map(off)).collect(), 11),
+    ]
+}
+
+/// The nodes that a reader finds who walks down from the root.
+fn reached(nodes: &[Node]) -> HashSet<[i32; 4]> {
+    let there: HashSet<_> = nodes.iter().map(|(key, _)| *key).collect();
+    let (mut found, mut next) = (HashSet::new(), vec![[0; 4]]);
+    while let Some([level, x, y, z]) = next.pop() {
+        if there.contains(&[level, x, y, z]) && found.insert([level, x, y, z]) {
+            let below =
+                |i: i32| [level + 1, 2 * x + (i & 1), 2 * y + (i >> 1 & 1), 2 * z + (i >> 2)];
+            next.extend((0..8).map(below));
+        }
+    }
+    found
+}
+
+#[test]
+fn every_node_is_reached_from_the_root_and_depth_is_that_of_the_places() {
+    let place = Place::new();
+    for (what, at, deepest) in heaps() {
+        let mut made = Made::new(6, Packing::Plain, at.len());
+        for (record, at) in made.records.iter_mut().zip(&at) {
+            record[..12].copy_from_slice(at.map(i32::to_le_bytes).as_flattened());
+        }
+        let input = place.write("in.las", &made.bytes());
+        let output = place.path().join("out.copc.laz");
+        run(&job(&[&input], &output)).unwrap();
+        let (nodes, [x, y, z, side]) = nodes(&output);
+        assert_eq!(reached(&nodes).len(), nodes.len(), "{what}: {nodes:?}");
+        let last = nodes.iter().map(|(key, _)| key[0]).max();
+        assert!(last <= Some(deepest), "{what}: level {last:?}");
+        let mut by_place: Vec<_> = nodes.iter().filter(|(_, [.., points])| *points > 0).collect();
+        by_place.sort_by_key(|(_, [first, ..])| *first);
+        let mut found = whole(&output).records;
+        let mut rest = found.as_slice();
+        for ([level, at @ ..], [.., points]) in by_place {
+            let (own, others) = rest.split_at(*points as usize);
+            rest = others;
+            let is_one = own.iter().all(|record| raw(record) == raw(&own[0]));
+            assert!(own.len() <= 1 << 16 || is_one, "{what}: {points}");
+            let size = side / f64::from(1 << level);
+            for record in own {
+                for (axis, low) in [x, y, z].into_iter().enumerate() {
+                    let world = f64::from(raw(record)[axis]) * made.scale[axis] + made.offset[axis];
+                    let from = low + f64::from(at[axis]) * size;
+                    assert!((from - 1e-6..=from + size + 1e-6).contains(&world), "{what}: {world}");
+                }
+            }
+        }
+        assert!(rest.is_empty(), "{what}: {}", rest.len());
+        found.sort_unstable();
+        made.records.sort_unstable();
+        assert!(found == made.records, "{what}");
+        let again = terrane_cloud::open(&[output.to_str().unwrap().to_owned()], &keep_all());
+        assert_eq!(read_all(&again.unwrap()).unwrap().1.kept, at.len() as u64, "{what}");
+    }
 }

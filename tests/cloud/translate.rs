@@ -1,10 +1,8 @@
 //! Points written with all that is known of them: every format, merged, thinned, in squares.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use laz::{LasZipDecompressor, LazVlr};
 use terrane_base::geom::wkt;
 use terrane_cloud::synth;
 use terrane_cloud::{Filter, OpenOptions, PointFormat, PointSource, Return};
@@ -15,6 +13,7 @@ use terrane_jobs::translate::{self, BufferMark, Squares, TranslateJob, Translate
 use terrane_jobs::{Cancel, Resources, Silent};
 
 use crate::cloud_support::{Made, Packing, Place, RECORD, keep_all, raw, read_all};
+pub(crate) use crate::cloud_support::{number, whole};
 
 pub(crate) fn job(input: &[&str], output: &Path) -> TranslateJob {
     let input = input.iter().map(|name| (*name).to_owned()).collect();
@@ -23,62 +22,6 @@ pub(crate) fn job(input: &[&str], output: &Path) -> TranslateJob {
 
 pub(crate) fn run(job: &TranslateJob) -> terrane::Result<TranslateReport> {
     translate::run(job, &Silent, &Cancel::default())
-}
-
-/// A file taken apart: point format, records, and user, number and data of the other records.
-pub(crate) struct Whole {
-    format: u8,
-    pub(crate) records: Vec<Vec<u8>>,
-    pub(crate) vlrs: Vec<(String, u16, Vec<u8>)>,
-}
-
-pub(crate) fn number<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
-    bytes[at..at + N].try_into().unwrap()
-}
-
-/// Reads a file by its header and the `laz` crate alone.
-pub(crate) fn whole(path: &Path) -> Whole {
-    let bytes = std::fs::read(path).unwrap();
-    let (minor, head) = (bytes[25], u16::from_le_bytes(number(&bytes, 94)));
-    let at = u32::from_le_bytes(number(&bytes, 96)) as usize;
-    let (format, size) = (bytes[104] & 127, usize::from(u16::from_le_bytes(number(&bytes, 105))));
-    let count = match minor {
-        4 => u64::from_le_bytes(number(&bytes, 247)) as usize,
-        _ => u32::from_le_bytes(number(&bytes, 107)) as usize,
-    };
-    let (mut vlrs, mut next) = (Vec::new(), usize::from(head));
-    let mut take = |next: &mut usize, head: usize, length: usize| {
-        let user = String::from_utf8_lossy(&bytes[*next + 2..*next + 18]);
-        let id = u16::from_le_bytes(number(&bytes, *next + 18));
-        let data = bytes[*next + head..*next + head + length].to_vec();
-        vlrs.push((user.trim_end_matches('\0').to_owned(), id, data));
-        *next += head + length;
-    };
-    for _ in 0..u32::from_le_bytes(number(&bytes, 100)) {
-        let length = usize::from(u16::from_le_bytes(number(&bytes, next + 20)));
-        take(&mut next, 54, length);
-    }
-    if minor == 4 {
-        let mut next = u64::from_le_bytes(number(&bytes, 235)) as usize;
-        for _ in 0..u32::from_le_bytes(number(&bytes, 243)) {
-            let length = u64::from_le_bytes(number(&bytes, next + 20)) as usize;
-            take(&mut next, 60, length);
-        }
-    }
-    let mut points = vec![0; count * size];
-    match vlrs.iter().find(|(_, id, _)| *id == 22_204) {
-        None => points.copy_from_slice(&bytes[at..at + count * size]),
-        Some((_, _, data)) if count > 0 => {
-            let mut file = Cursor::new(&bytes);
-            file.set_position(at as u64);
-            let mut unpacker =
-                LasZipDecompressor::new(file, LazVlr::from_buffer(data).unwrap()).unwrap();
-            unpacker.decompress_many(&mut points).unwrap();
-        }
-        Some(_) => {}
-    }
-    let records = points.chunks_exact(size).map(<[u8]>::to_vec).collect();
-    Whole { format, records, vlrs }
 }
 
 fn packings(format: u8) -> Vec<Packing> {
@@ -203,11 +146,37 @@ fn formats_are_changed_or_refused() {
     // Marks of overlap have no place before format 6.
     let error = to(3).unwrap_err().to_string();
     assert!(error.contains("the mark of overlap") && error.contains("in.laz"), "{error}");
+    // Each field that is narrower there, by the point that is too wide for it.
+    for (at, bytes, word) in [
+        (14, [9 | 9 << 4, 0], "return 9 of 9"),
+        (16, [65, 0], "class 65"),
+        (15, [32, 2], "channel 2 of the scanner"),
+        (18, (-25_305_i16).to_le_bytes(), "a scan angle of -151.83 degrees"),
+        (18, 30_000_i16.to_le_bytes(), "a scan angle of 180 degrees"),
+    ] {
+        let mut made = Made::new(6, Packing::Fixed(100), 300);
+        for record in &mut made.records {
+            record[14..19].copy_from_slice(&[1 | 1 << 4, 0, 2, 0, 0]);
+            record[19] = 0;
+        }
+        made.records[217][at..at + 2].copy_from_slice(&bytes);
+        let wide = place.write("wide.laz", &made.bytes());
+        for number in 0..6 {
+            let format = Some(PointFormat::new(number).unwrap());
+            let error = run(&TranslateJob { format, ..job(&[&wide], &output) }).unwrap_err();
+            let told = error.to_string();
+            assert!(told.contains(word) && told.contains("point 217"), "{number}: {told}");
+            assert!(told.contains("--point-format from 6 on"), "{number}: {told}");
+        }
+    }
     assert!(output.exists(), "the one that was there stays");
     let text = place.write("in.xyz", b"x y z class\n1 2 3.5 2\n4 5 6 7\n");
     run(&job(&[&format!("cloud:{text}")], &output)).unwrap();
     let found = whole(&output);
     assert_eq!((found.format, found.records.len(), found.records[1][16]), (6, 2, 7));
+    let text = place.write("in.csv", b"x,y,z,return_number\n1,2,3,15\n1,2,3,16\n");
+    let error = run(&job(&[&format!("cloud:{text}")], &output)).unwrap_err().to_string();
+    assert!(error.contains("\"16\"") && error.contains("line 3"), "{error}");
     assert!(run(&job(&[&input], &place.path().join("out.tif"))).is_err());
 }
 

@@ -5,7 +5,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlrBuilder};
+use laz::{LasZipCompressor, LasZipDecompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 use terrane::Result;
 use terrane_cloud::{self as cloud, Census, Cloud, OpenOptions, PointSource};
 
@@ -114,7 +114,7 @@ impl Made {
         let (points, vlr) = self.points();
         let mut vlrs = self.vlrs.clone();
         vlrs.extend(vlr.map(|data| ("laszip encoded", 22_204, data)));
-        let size = [227_usize, 227, 227, 235, 375][usize::from(self.minor)];
+        let size = [227_usize, 227, 227, 235, 375, 393][usize::from(self.minor)];
         let at = size + vlrs.iter().map(|(_, _, data)| 54 + data.len()).sum::<usize>();
         let mut points = points;
         if matches!(self.packing, Packing::Fixed(_) | Packing::Variable(_)) {
@@ -164,7 +164,7 @@ impl Made {
             put(179 + 16 * axis, &world(ends.clone().max()).to_le_bytes());
             put(187 + 16 * axis, &world(ends.min()).to_le_bytes());
         }
-        if self.minor == 4 {
+        if self.minor >= 4 {
             put(235, &(evlrs_at as u64).to_le_bytes());
             put(243, &(self.evlrs.len() as u32).to_le_bytes());
             put(247, &(count as u64).to_le_bytes());
@@ -211,6 +211,62 @@ impl Made {
         };
         self.records.iter().map(place).collect()
     }
+}
+
+/// A file taken apart: point format, records, and user, number and data of the other records.
+pub(crate) struct Whole {
+    pub(crate) format: u8,
+    pub(crate) records: Vec<Vec<u8>>,
+    pub(crate) vlrs: Vec<(String, u16, Vec<u8>)>,
+}
+
+pub(crate) fn number<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    bytes[at..at + N].try_into().unwrap()
+}
+
+/// Reads a file by its header and the `laz` crate alone.
+pub(crate) fn whole(path: &Path) -> Whole {
+    let bytes = std::fs::read(path).unwrap();
+    let (minor, head) = (bytes[25], u16::from_le_bytes(number(&bytes, 94)));
+    let at = u32::from_le_bytes(number(&bytes, 96)) as usize;
+    let (format, size) = (bytes[104] & 127, usize::from(u16::from_le_bytes(number(&bytes, 105))));
+    let count = match minor {
+        4.. => u64::from_le_bytes(number(&bytes, 247)) as usize,
+        _ => u32::from_le_bytes(number(&bytes, 107)) as usize,
+    };
+    let (mut vlrs, mut next) = (Vec::new(), usize::from(head));
+    let mut take = |next: &mut usize, head: usize, length: usize| {
+        let user = String::from_utf8_lossy(&bytes[*next + 2..*next + 18]);
+        let id = u16::from_le_bytes(number(&bytes, *next + 18));
+        let data = bytes[*next + head..*next + head + length].to_vec();
+        vlrs.push((user.trim_end_matches('\0').to_owned(), id, data));
+        *next += head + length;
+    };
+    for _ in 0..u32::from_le_bytes(number(&bytes, 100)) {
+        let length = usize::from(u16::from_le_bytes(number(&bytes, next + 20)));
+        take(&mut next, 54, length);
+    }
+    if minor >= 4 {
+        let mut next = u64::from_le_bytes(number(&bytes, 235)) as usize;
+        for _ in 0..u32::from_le_bytes(number(&bytes, 243)) {
+            let length = u64::from_le_bytes(number(&bytes, next + 20)) as usize;
+            take(&mut next, 60, length);
+        }
+    }
+    let mut points = vec![0; count * size];
+    match vlrs.iter().find(|(_, id, _)| *id == 22_204) {
+        None => points.copy_from_slice(&bytes[at..at + count * size]),
+        Some((_, _, data)) if count > 0 => {
+            let mut file = Cursor::new(&bytes);
+            file.set_position(at as u64);
+            let mut unpacker =
+                LasZipDecompressor::new(file, LazVlr::from_buffer(data).unwrap()).unwrap();
+            unpacker.decompress_many(&mut points).unwrap();
+        }
+        Some(_) => {}
+    }
+    let records = points.chunks_exact(size).map(<[u8]>::to_vec).collect();
+    Whole { format, records, vlrs }
 }
 
 /// A COPC file of two levels with `each` points a node.

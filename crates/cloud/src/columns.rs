@@ -133,7 +133,7 @@ impl Cloud {
         let is_time =
             |reader: &Reader| matches!(reader, Reader::Field(column) if column.name == TIME);
         if readers.iter().flatten().any(is_time) {
-            carry::time_of(&origins)?;
+            carry::Times::of_all(&origins)?;
         }
         Ok(Box::new(OfCloud { cloud: self, readers }))
     }

@@ -41,6 +41,10 @@ fn of_las(file: &LasFile) -> Vec<(&'static str, String)> {
         details.push(("created", format!("day {} of {}", created[0], created[1])));
     }
     details.push(("packing", packing(file)));
+    if file.header.time_offset > 0 {
+        let millions = file.header.time_offset;
+        details.push(("times", format!("GPS times less {millions} million seconds")));
+    }
     let named = file.vlrs.iter().take(MOST_VLRS).map(|vlr| {
         let about = if vlr.description.is_empty() { "" } else { ", " };
         format!("{} {} ({} bytes{about}{})", vlr.user, vlr.id, vlr.bytes, vlr.description)

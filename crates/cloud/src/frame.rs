@@ -60,6 +60,10 @@ impl Claim {
     }
 }
 
+/// Least and largest steps of points in a frame: those that geometry is exact in, and all that files store.
+const EXACT: [i64; 2] = [-(REACH as i64), REACH as i64];
+const STORED: [i64; 2] = [i32::MIN as i64, i32::MAX as i64];
+
 /// From the lattice of a file to the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Map {
@@ -96,12 +100,19 @@ pub(super) struct Common {
 /// axis is taken and points go to its nearest step.
 ///
 /// # Errors
-/// Extents beyond [`REACH`].
-pub(super) fn common(claims: &[Claim]) -> Result<Common> {
+/// Extents beyond [`REACH`], unless any will do; those beyond what files store.
+pub(super) fn common(claims: &[Claim], any_extent: bool) -> Result<Common> {
+    match within(claims, EXACT) {
+        Err(_) if any_extent => within(claims, STORED),
+        found => found,
+    }
+}
+
+fn within(claims: &[Claim], steps: [i64; 2]) -> Result<Common> {
     let axes: Vec<Option<Axis>> = (0..3).map(|axis| Axis::shared(claims, axis)).collect();
     match <[Option<Axis>; 3]>::try_from(axes) {
-        Ok([Some(x), Some(y), Some(z)]) => shifted(claims, [x, y, z]),
-        _ => rounded(claims),
+        Ok([Some(x), Some(y), Some(z)]) => shifted(claims, [x, y, z], steps),
+        _ => rounded(claims, steps),
     }
 }
 
@@ -127,40 +138,46 @@ impl Axis {
     }
 
     /// The base where all points are within reach of it, else a step near their middle.
-    fn origin(&self, claims: &[Claim], axis: usize) -> Result<i64> {
+    fn origin(&self, claims: &[Claim], axis: usize, steps: [i64; 2]) -> Result<i64> {
         let ends = |pick: fn(&Claim) -> [i32; 3]| {
             let of = move |(claim, steps): (&Claim, &i64)| i64::from(pick(claim)[axis]) + steps;
             claims.iter().zip(&self.steps).map(of)
         };
         let low = ends(|claim| claim.low).min().unwrap_or(0);
         let high = ends(|claim| claim.high).max().unwrap_or(0);
-        origin(low, high).ok_or_else(|| too_wide(axis, self.scale, (high - low) as f64))
+        let world = |step: i64| Ruler::new(self.scale, self.base).at(step);
+        let wide = || too_wide(axis, self.scale, [world(low), world(high)], steps);
+        origin([low, high], steps).ok_or_else(wide)
     }
 }
 
 /// Zero where `low` and `high` are within reach of it, else their middle.
-fn origin(low: i64, high: i64) -> Option<i64> {
-    let reach = i64::from(REACH);
-    if low >= -reach && high <= reach {
+fn origin([low, high]: [i64; 2], [least, most]: [i64; 2]) -> Option<i64> {
+    if low >= least && high <= most {
         return Some(0);
     }
     let middle = low + (high - low) / 2;
-    (high - middle <= reach && middle - low <= reach).then_some(middle)
+    (low - middle >= least && high - middle <= most).then_some(middle)
 }
 
-fn too_wide(axis: usize, scale: f64, steps: f64) -> Error {
+fn too_wide(axis: usize, scale: f64, [low, high]: [f64; 2], [least, most]: [i64; 2]) -> Error {
     let name = ["x", "y", "z"][axis];
+    let (steps, most) = (((high - low) / scale).round(), most - least);
+    let part = if axis < 2 { "--bounds" } else { "--z-range" };
+    let what = if most < i64::from(i32::MAX) { "geometry is exact in" } else { "a file holds" };
     Error::unsupported(format!(
-        "{name} reaches over {steps:.0} steps of {scale}, more than the {} that a cloud may span",
-        2 * REACH
+        "{name} reaches from {low} to {high}, over {steps} steps of {scale}, more than the {most} that {what}"
     ))
-    .remedy("read a part of it with --bounds or --z-range, or write it with a coarser scale")
+    .remedy(format!(
+        "take a part with {part}, or write it with a coarser scale, for example with pdal translate IN OUT \
+         --writers.las.scale_{name}=0.1"
+    ))
 }
 
-fn shifted(claims: &[Claim], axes: [Axis; 3]) -> Result<Common> {
+fn shifted(claims: &[Claim], axes: [Axis; 3], steps: [i64; 2]) -> Result<Common> {
     let mut origins = [0; 3];
     for (axis, lattice) in axes.iter().enumerate() {
-        origins[axis] = lattice.origin(claims, axis)?;
+        origins[axis] = lattice.origin(claims, axis, steps)?;
     }
     let map = |file: usize| {
         // Modulo 2^32 on purpose.
@@ -175,7 +192,7 @@ fn shifted(claims: &[Claim], axes: [Axis; 3]) -> Result<Common> {
     Ok(Common { frame, maps: (0..claims.len()).map(map).collect(), moved: [0.0; 3] })
 }
 
-fn rounded(claims: &[Claim]) -> Result<Common> {
+fn rounded(claims: &[Claim], steps: [i64; 2]) -> Result<Common> {
     let mut frame = Frame { scale: [1.0; 3], offset: [0.0; 3] };
     let mut moved = [0.0; 3];
     for (axis, moved) in moved.iter_mut().enumerate() {
@@ -183,11 +200,11 @@ fn rounded(claims: &[Claim]) -> Result<Common> {
         let low = claims.iter().map(|c| c.world(c.low)[axis]).fold(f64::INFINITY, f64::min);
         let high = claims.iter().map(|c| c.world(c.high)[axis]).fold(f64::NEG_INFINITY, f64::max);
         let [first, last] = [(low / scale).floor(), (high / scale).ceil()];
-        let wide = || too_wide(axis, scale, last - first);
+        let wide = || too_wide(axis, scale, [low, high], steps);
         if first.abs().max(last.abs()) >= MOST_STEPS {
             return Err(wide());
         }
-        let origin = origin(first as i64, last as i64).ok_or_else(wide)?;
+        let origin = origin([first as i64, last as i64], steps).ok_or_else(wide)?;
         let offset = Ruler::new(scale, 0.0).at(origin);
         (frame.scale[axis], frame.offset[axis]) = (scale, offset);
         if !claims.iter().all(|claim| is_within(claim, axis, (scale, offset))) {
@@ -217,7 +234,7 @@ mod tests {
     #[test]
     fn one_file_keeps_its_own_lattice() {
         let near = claim(0.01, 100.0, 0.0, 500.0);
-        let common = common(&[near]).unwrap();
+        let common = common(&[near], false).unwrap();
         assert_eq!(common.frame, Frame { scale: [0.01; 3], offset: [100.0; 3] });
         assert_eq!(common.maps, [Map::Shift([0; 3])]);
         assert_eq!((near.low, near.high), ([-10_000; 3], [40_000; 3]));
@@ -226,19 +243,39 @@ mod tests {
     #[test]
     fn far_points_move_the_origin_by_whole_steps() {
         let far = claim(0.001, 0.0, 1_999_000.0, 2_000_000.0);
-        let found = common(&[far]).unwrap();
+        let found = common(&[far], false).unwrap();
         let raw = [1_999_500_123; 3];
         let point = found.maps[0].place(raw, &far);
         assert!(point.x.abs() <= REACH);
         let world = found.frame.world(point)[0];
         assert!((world - 1_999_500.123).abs() < 1e-6, "{world}");
-        assert!(common(&[claim(0.001, 0.0, -2e6, 2e6)]).unwrap_err().to_string().contains("steps"));
+    }
+
+    #[test]
+    fn extents_beyond_reach_are_taken_as_they_are_stored_or_refused_with_what_helps() {
+        let wide = claim(0.001, 0.0, -2e6, 2e6);
+        let told = common(&[wide], false).unwrap_err().to_string();
+        assert!(told.contains("from -2000000 to 2000000, over 4000000000 steps"), "{told}");
+        assert!(told.contains("--bounds"), "{told}");
+        let found = common(&[wide], true).unwrap();
+        assert_eq!((found.frame.offset, &found.maps[..]), ([0.0; 3], &[Map::Shift([0; 3])][..]));
+        let high = Claim { low: [0, 0, i32::MIN], high: [0, 0, i32::MAX], ..wide };
+        let told = common(&[high], false).unwrap_err().to_string();
+        assert!(told.contains("z reaches") && told.contains("--z-range"), "{told}");
+        let all = common(&[high], true).unwrap();
+        assert_eq!(all.maps[0].place([0, 0, i32::MIN], &high), Point::new(0, 0, i32::MIN));
+        // Where all is within reach any extent is no other.
+        let near = claim(0.001, 0.0, 1_999_000.0, 2_000_000.0);
+        assert_eq!(common(&[near], true).unwrap(), common(&[near], false).unwrap());
+        let far = claim(0.001, 5e6, 5e6, 5e6 + 1.0);
+        let told = common(&[claim(0.001, 0.0, 0.0, 1.0), far], true).unwrap_err().to_string();
+        assert!(told.contains("from 0 to 5000001") && told.contains("a file holds"), "{told}");
     }
 
     #[test]
     fn lattices_that_are_one_are_kept_in_any_order() {
         let (a, b) = (claim(0.01, 0.0, 0.0, 10.0), claim(0.01, 1000.0, 1000.0, 1010.0));
-        let (one, two) = (common(&[a, b]).unwrap(), common(&[b, a]).unwrap());
+        let (one, two) = (common(&[a, b], false).unwrap(), common(&[b, a], false).unwrap());
         assert_eq!((one.frame, one.moved), (two.frame, [0.0; 3]));
         assert_eq!(one.maps[1].place([7; 3], &b), Point::new(100_007, 100_007, 100_007));
         assert_eq!(two.maps[0], one.maps[1]);
@@ -247,14 +284,14 @@ mod tests {
     #[test]
     fn other_lattices_meet_on_the_finest_scale() {
         let (a, b) = (claim(0.01, 0.0, 0.0, 10.0), claim(0.001, 0.0005, 1.0, 2.0));
-        let found = common(&[a, b]).unwrap();
+        let found = common(&[a, b], false).unwrap();
         assert_eq!(found.frame.scale, [0.001; 3]);
         assert_eq!(found.maps[0].place([123; 3], &a), Point::new(1230, 1230, 1230));
         assert_eq!(found.moved, [0.0005; 3]);
-        assert_eq!(common(&[b, a]).unwrap().frame, found.frame);
+        assert_eq!(common(&[b, a], false).unwrap().frame, found.frame);
         // What is on the finer lattice already does not move.
         let finer = claim(0.001, 7.0, 1.0, 2.0);
-        assert_eq!(common(&[a, finer]).unwrap().moved, [0.0; 3]);
+        assert_eq!(common(&[a, finer], false).unwrap().moved, [0.0; 3]);
     }
 
     #[test]

@@ -20,9 +20,10 @@ mod polygon;
 mod sieve;
 pub mod synth;
 mod text;
+mod version;
 pub mod write;
 
-pub use carry::{Carrier, Seen, Sight};
+pub use carry::{Carrier, Seen, Sight, Target};
 pub use class::class_name;
 pub use columns::{Columns, Each};
 pub use filter::{Filter, Flags, Gate, Record, Verdict};
@@ -30,6 +31,7 @@ pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
 pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::Polygon;
+pub use version::LasVersion;
 
 pub use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};

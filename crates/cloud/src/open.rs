@@ -44,11 +44,16 @@ pub struct OpenOptions {
     /// Threads for opening many files; parts are read by the caller's.
     #[serde(skip)]
     pub threads: usize,
+    /// Points may be further apart than geometry is exact in ([`REACH`](terrane_base::geom::REACH)), as they are only
+    /// copied or counted.
+    #[serde(skip)]
+    pub any_extent: bool,
 }
 
 impl Default for OpenOptions {
     fn default() -> Self {
-        Self { filter: Filter::default(), salvage: false, crs: None, threads: 1 }
+        let (filter, crs) = (Filter::default(), None);
+        Self { filter, salvage: false, crs, threads: 1, any_extent: false }
     }
 }
 
@@ -154,9 +159,10 @@ impl PointSource for Cloud {
         let Some([from, to]) = cube else { return Some([low, high]) };
         // A step more each way: points of a cube are rounded to steps.
         let frame = &self.info.frame;
-        let from =
-            |axis: usize, least: i32| least.max(frame.steps(axis, from[axis]).floor() as i32 - 1);
-        let to = |axis: usize, most: i32| most.min(frame.steps(axis, to[axis]).ceil() as i32 + 1);
+        let lower = |axis: usize| (frame.steps(axis, from[axis]).floor() as i32).saturating_sub(1);
+        let upper = |axis: usize| (frame.steps(axis, to[axis]).ceil() as i32).saturating_add(1);
+        let from = |axis: usize, least: i32| least.max(lower(axis));
+        let to = |axis: usize, most: i32| most.min(upper(axis));
         let low = Point::new(from(0, low.x), from(1, low.y), low.z);
         let high = Point::new(to(0, high.x), to(1, high.y), high.z);
         (low.x <= high.x && low.y <= high.y).then_some([low, high])
@@ -274,7 +280,8 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     let wanted: Vec<Claim> = touching.iter().flatten().copied().collect();
     let common = match wanted.is_empty() {
         true => nowhere(&files),
-        false => frame::common(&wanted).map_err(|e| named(e, &names, &touching))?,
+        false => frame::common(&wanted, options.any_extent)
+            .map_err(|e| named(e, (&names, &touching), options.any_extent))?,
     };
     let gate = Gate::new(&options.filter, &common.frame);
     let lattice = shared(&wanted, &common);
@@ -305,8 +312,9 @@ fn shared(claims: &[Claim], common: &Common) -> Option<(Frame, [i32; 3])> {
 }
 
 /// The error with the first file that is beyond reach on its own.
-fn named(error: Error, names: &[String], claims: &[Option<Claim>]) -> Error {
-    let is_it = |claim: &Option<Claim>| claim.is_some_and(|claim| frame::common(&[claim]).is_err());
+fn named(error: Error, (names, claims): (&[String], &[Option<Claim>]), any_extent: bool) -> Error {
+    let is_wide = |claim: Claim| frame::common(&[claim], any_extent).is_err();
+    let is_it = |claim: &Option<Claim>| claim.is_some_and(is_wide);
     match claims.iter().position(is_it) {
         Some(file) => error.in_file(&path_of(&names[file])),
         None => error,

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::Resources;
 use crate::memory::{PROGRAM, short};
 use terrane_base::error::{Error, Result};
-use terrane_files::{name_of, path_of};
+use terrane_files::{is_held, name_of, path_of};
+use terrane_raster::Inputs;
 use terrane_vector::{self as vector, Feature, FeatureSource};
 
 /// MiB that are enough for the job beside such a file: the program may have half of the memory with its workers.
@@ -91,6 +92,19 @@ pub(crate) fn files(name: &str) -> Vec<PathBuf> {
     let beside = ["shx", "SHX", "dbf", "DBF"].map(|ending| path.with_extension(ending));
     let beside = beside.into_iter().filter(|path| is_shape && path.is_file());
     std::iter::once(path.clone().into_owned()).chain(beside).collect()
+}
+
+/// The files of a cloud by their names alone: the order in which they are given leaves no trace, nor do their folders.
+pub(crate) fn in_order(files: &[String]) -> Inputs {
+    let mut files = files.to_vec();
+    files.sort_by_cached_key(|name| label(&path_of(name)));
+    Inputs::from(files)
+}
+
+/// What a file says that it is made of: names without folders.
+pub(crate) fn source(input: &Inputs) -> String {
+    let name = input.to_string();
+    if is_held(&name) { "points".to_owned() } else { label(Path::new(&name)) }
 }
 
 /// The last part of a name, for what a mesh is told of it: plans know the whole path, which is no part of the

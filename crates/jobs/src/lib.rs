@@ -50,7 +50,7 @@ use terrane_cloud::PointSource;
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.
-pub const REVISION: u32 = 12;
+pub const REVISION: u32 = 13;
 
 /// Receives a job's progress; called from several threads.
 pub trait Progress: Sync {

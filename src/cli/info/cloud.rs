@@ -52,6 +52,7 @@ pub(crate) fn describe(
 ) -> Result<Facts> {
     let drawn = picture.draw(files, &options, resources, (progress, cancel))?;
     options.filter.keep_withheld = true;
+    options.any_extent = true;
     let cloud = open(files, &options)?;
     let measure = || cloud_stats(&cloud, resources, progress, cancel);
     let stats = stats.then(measure).transpose()?;

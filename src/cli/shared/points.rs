@@ -67,7 +67,7 @@ impl Points {
         };
         let (salvage, threads) = (self.salvage, resources.threads);
         let crs = self.crs.as_deref().map(wkt::of_srs);
-        Ok(OpenOptions { filter, salvage, crs, threads })
+        Ok(OpenOptions { filter, salvage, crs, threads, ..OpenOptions::default() })
     }
 
     /// The files that the options name.

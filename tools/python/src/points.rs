@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use terrane::{Above, BufferMark, Error, HeightsAs, PointFormat, PointsBuilder, Result, Squares};
+use terrane::{
+    Above, BufferMark, Error, HeightsAs, LasVersion, PointFormat, PointsBuilder, Result, Squares,
+};
 
 use crate::error::told;
 use crate::grid::{System, with_system};
@@ -16,6 +18,7 @@ use crate::work::{Machine, Settings, run, with_machine};
 #[pyo3(from_item_all)]
 pub(crate) struct Points {
     point_format: Option<u8>,
+    las_version: Option<String>,
     dedupe: bool,
     thin: Option<String>,
     heights: Option<String>,
@@ -36,6 +39,10 @@ impl Points {
         let mut builder = cloud.points().dedupe(self.dedupe).above(self.above()?);
         if let Some(number) = self.point_format {
             builder = builder.format(PointFormat::new(number)?);
+        }
+        if let Some(text) = &self.las_version {
+            let version: LasVersion = text.parse().map_err(wrong("las_version"))?;
+            builder = builder.las_version(version);
         }
         if let Some(thin) = &self.thin {
             builder = builder.thin(thin.parse().map_err(wrong("thin"))?);

@@ -1,6 +1,8 @@
 //! Extra bytes of records: dimensions that a record of the file describes (ASPRS LAS 1.4 R15, table 24),
 //! and bytes behind them that nothing does.
 
+use std::ops::Range;
+
 use terrane_base::error::{Error, Result};
 
 use crate::las::Bytes;
@@ -11,14 +13,16 @@ pub(crate) const USER: &str = "LASF_Spec";
 pub(crate) const NUMBER: u16 = 4;
 /// Bytes of a description.
 const BYTES: usize = 192;
-/// Where a description has the kind, the options, the name, the value that stands for none, and its least and
-/// largest values.
+/// Most names that a note tells.
+const MOST_TOLD: usize = 8;
+/// Where a description has bytes that are always 0, the kind, the options, the name, the value that stands for none,
+/// and its least and largest values.
+const RESERVED: [Range<usize>; 2] = [0..2, 36..40];
 const KIND: usize = 2;
 const OPTIONS: usize = 3;
-const NAME: usize = 4;
-const NAME_BYTES: usize = 32;
+const NAME: Range<usize> = 4..36;
 const NONE: usize = 40;
-const RANGE: std::ops::Range<usize> = 64..112;
+const RANGE: Range<usize> = 64..112;
 /// Bits of the options: there is a value for none, a least value, a largest one.
 const HAS_NONE: u8 = 1;
 const HAS_RANGE: u8 = 2 | 4;
@@ -27,10 +31,14 @@ const HAS_SCALE: u8 = 8;
 const HAS_OFFSET: u8 = 16;
 const SCALE: usize = 112;
 const OFFSET: usize = 136;
+/// Bytes of what there is one of for each of three values: none, scale, offset.
+const THREE: usize = 24;
 /// Where what is said of it is; the kind of signed whole numbers of four bytes.
-const ABOUT: usize = 160;
+const ABOUT: Range<usize> = 160..BYTES;
 const STEPS: u8 = 6;
-/// Bytes of a value of each kind from 1 on; there are two or three of them in kinds from 11 and 21 on.
+/// The last digit of kinds of floats of 4 bytes.
+const SINGLES: u8 = 9;
+/// Bytes of a value of each kind from 1 on; there are two or three of them in the deprecated kinds from 11 and 21 on.
 const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 
 /// A dimension: its description without the range of its values, which are others in other files.
@@ -38,6 +46,8 @@ const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 struct Dimension {
     about: [u8; BYTES],
     size: usize,
+    /// How many before it have its name.
+    before: usize,
 }
 
 /// Extra bytes of the records of a file.
@@ -57,15 +67,27 @@ pub(crate) struct Move {
 }
 
 impl Dimension {
-    fn of(found: &[u8; BYTES]) -> Self {
+    /// Of a description, without what is not meant to be there: bytes behind the end of texts, and numbers whose
+    /// option is not set. `None` of a kind that is not known.
+    fn of(found: &[u8; BYTES]) -> Option<Self> {
         let mut about = *found;
-        about[OPTIONS] = match about[KIND] {
+        for text in [NAME, ABOUT] {
+            let text = &mut about[text];
+            let end = text.iter().position(|byte| *byte == 0).unwrap_or(text.len());
+            text[end..].fill(0);
+        }
+        RESERVED.into_iter().chain([RANGE]).for_each(|unused| about[unused].fill(0));
+        if about[KIND] > 0 {
             // The options of bytes of no kind are their number.
-            0 => about[OPTIONS],
-            _ => about[OPTIONS] & !HAS_RANGE,
-        };
-        about[RANGE].fill(0);
-        Self { size: size(about[KIND], about[OPTIONS]), about }
+            about[OPTIONS] &= !HAS_RANGE;
+        }
+        for (option, at) in [(HAS_NONE, NONE), (HAS_SCALE, SCALE), (HAS_OFFSET, OFFSET)] {
+            if about[KIND] == 0 || about[OPTIONS] & option == 0 {
+                about[at..at + THREE].fill(0);
+            }
+        }
+        let size = size(about[KIND], about[OPTIONS])?;
+        Some(Self { about, size, before: 0 })
     }
 
     /// A whole number of four bytes, in so many units; its least value stands for none.
@@ -73,20 +95,25 @@ impl Dimension {
         let mut bytes = [0; BYTES];
         let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
         put(KIND, &[STEPS, HAS_NONE | HAS_SCALE]);
-        put(NAME, name.as_bytes());
+        put(NAME.start, name.as_bytes());
         put(NONE, &i64::from(i32::MIN).to_le_bytes());
         put(SCALE, &step.to_le_bytes());
-        put(ABOUT, about.as_bytes());
-        Self { about: bytes, size: size_of::<i32>() }
+        put(ABOUT.start, about.as_bytes());
+        Self { about: bytes, size: size_of::<i32>(), before: 0 }
     }
 
     fn name(&self) -> String {
-        Bytes(&self.about).text(NAME, NAME_BYTES)
+        name(&self.about)
+    }
+
+    /// Whether it is what another file means by this name.
+    fn is_named(&self, other: &Self) -> bool {
+        self.before == other.before && self.name() == other.name()
     }
 
     /// Whether values are the same, whatever is said of them.
     fn is_alike(&self, other: &Self) -> bool {
-        self.size == other.size && self.about[..ABOUT] == other.about[..ABOUT]
+        self.size == other.size && self.about[..ABOUT.start] == other.about[..ABOUT.start]
     }
 
     /// A column for each of its values; none of bytes that are no numbers.
@@ -123,42 +150,85 @@ impl Dimension {
 
     /// What stands in records of files without it.
     fn filling(&self) -> Vec<u8> {
-        let has_none = self.about[KIND] > 0 && self.about[OPTIONS] & HAS_NONE > 0;
-        let value = &self.about[NONE..NONE + self.size.min(24)];
-        match has_none {
-            true if self.size <= 8 => value.to_vec(),
-            _ => vec![0; self.size],
+        if self.about[KIND] == 0 {
+            return vec![0; self.size];
         }
+        // The value of each is in 8 bytes; floats of 4 bytes are doubles there.
+        let (each, kind) = (SIZES[usize::from(self.about[KIND] - 1) % 10], self.about[KIND] % 10);
+        let none = |i: usize| {
+            let eight = &self.about[NONE + 8 * i..][..8];
+            match kind == SINGLES {
+                true => (Bytes(eight).f64(0) as f32).to_le_bytes().to_vec(),
+                false => eight[..each].to_vec(),
+            }
+        };
+        (0..self.size / each).flat_map(none).collect()
     }
 }
 
-fn size(kind: u8, options: u8) -> usize {
+fn name(about: &[u8; BYTES]) -> String {
+    Bytes(about).text(NAME.start, NAME.len())
+}
+
+/// Bytes of a dimension of a kind; `None` of one that is not known.
+fn size(kind: u8, options: u8) -> Option<usize> {
     match usize::from(kind) {
-        0 => options.into(),
-        kind @ 1..=30 => SIZES[(kind - 1) % 10] * (1 + (kind - 1) / 10),
-        _ => 0,
+        0 => Some(options.into()),
+        kind @ 1..=30 => Some(SIZES[(kind - 1) % 10] * (1 + (kind - 1) / 10)),
+        _ => None,
     }
 }
 
 impl Extra {
-    /// From the descriptions in a file whose records have so many extra bytes.
-    ///
-    /// # Errors
-    /// Descriptions of more bytes than there are, or of kinds that are not known.
-    pub(crate) fn of(described: &[u8], bytes: usize) -> Result<Self> {
-        let dimensions: Vec<_> = described.as_chunks().0.iter().map(Dimension::of).collect();
-        let taken = dimensions.iter().map(|dimension| dimension.size).sum();
-        if let Some(odd) = dimensions.iter().find(|dimension| dimension.size == 0) {
-            let message = format!("the extra bytes \"{}\" are of no known kind", odd.name());
-            return Err(Error::unsupported(message).remedy("write the file again without them"));
+    /// From the descriptions in a file whose records have so many extra bytes, and what is to be said of them, one
+    /// line each. Dimensions lie one behind the other, so from the first one on that does not fit, or whose size is
+    /// not known, none can be told from the bytes: these are kept, and nothing describes them.
+    pub(crate) fn of(described: &[u8], bytes: usize) -> (Self, Vec<String>) {
+        let descriptions = described.as_chunks::<BYTES>().0;
+        let mut extra = Self { dimensions: Vec::new(), plain: bytes };
+        for about in descriptions {
+            let Some(dimension) = Dimension::of(about) else { break };
+            let Some(plain) = extra.plain.checked_sub(dimension.size) else { break };
+            extra.plain = plain;
+            extra.push(dimension);
         }
-        match bytes.checked_sub(taken) {
-            Some(plain) => Ok(Self { dimensions, plain }),
-            None => Err(Error::bad_input(format!(
-                "points are said to have {bytes} extra bytes, and {taken} are described"
-            ))
-            .remedy("copy the file again")),
+        let left_out = &descriptions[extra.dimensions.len()..];
+        let notes = extra.notes(left_out, bytes);
+        // What has no bytes has no values.
+        extra.dimensions.retain(|dimension| dimension.size > 0);
+        (extra, notes)
+    }
+
+    fn push(&mut self, dimension: Dimension) {
+        let name = dimension.name();
+        let before = self.dimensions.iter().filter(|known| known.name() == name).count();
+        self.dimensions.push(Dimension { before, ..dimension });
+    }
+
+    /// What is odd about the descriptions of records of so many extra bytes, the last of which do not count.
+    fn notes(&self, left_out: &[[u8; BYTES]], bytes: usize) -> Vec<String> {
+        let named = left_out.iter().take(MOST_TOLD).map(|about| format!("\"{}\"", name(about)));
+        let mut named = named.collect::<Vec<_>>().join(", ");
+        if left_out.len() > MOST_TOLD {
+            named += ", ...";
         }
+        let lost = left_out.first().map(|first| match size(first[KIND], first[OPTIONS]) {
+            Some(_) => format!(
+                "points have {bytes} extra bytes, and more are described: {named} are not there"
+            ),
+            None => format!(
+                "extra bytes are described as of kind {}, which is not known: {named} have no name",
+                first[KIND]
+            ),
+        });
+        let twice = self.dimensions.iter().filter(|dimension| dimension.before == 1);
+        let twice = twice.map(|dimension| {
+            format!(
+                "several extra bytes are called \"{}\": the name means the first",
+                dimension.name()
+            )
+        });
+        lost.into_iter().chain(twice).collect()
     }
 
     /// Bytes in a record.
@@ -172,11 +242,11 @@ impl Extra {
     /// Dimensions of one name that are not the same; bytes that nothing describes where those of the other differ.
     pub(crate) fn and(mut self, other: &Self) -> Result<Self> {
         for dimension in &other.dimensions {
-            let name = dimension.name();
-            match self.dimensions.iter().find(|known| known.name() == name) {
+            match self.dimensions.iter().find(|known| known.is_named(dimension)) {
                 Some(known) if known.is_alike(dimension) => {}
                 None => self.dimensions.push(dimension.clone()),
                 Some(_) => {
+                    let name = dimension.name();
                     return Err(Error::unsupported(format!(
                         "its extra bytes \"{name}\" are of another kind, scale, offset or value for none than in other files"
                     ))
@@ -214,7 +284,8 @@ impl Extra {
         };
         let mut at = 0;
         for dimension in &from.dimensions {
-            if let Some(to) = self.place(|known| *known == dimension) {
+            let is_it = |known: &Dimension| known.is_named(dimension) && known.is_alike(dimension);
+            if let Some(to) = self.place(is_it) {
                 add(Move { from: at, to, bytes: dimension.size });
             }
             at += dimension.size;
@@ -225,10 +296,10 @@ impl Extra {
         moves
     }
 
-    fn place(&self, is_it: impl Fn(&&Dimension) -> bool) -> Option<usize> {
+    fn place(&self, is_it: impl Fn(&Dimension) -> bool) -> Option<usize> {
         let mut at = 0;
         for dimension in &self.dimensions {
-            if is_it(&dimension) {
+            if is_it(dimension) {
                 return Some(at);
             }
             at += dimension.size;
@@ -271,7 +342,7 @@ mod tests {
     fn described(name: &str, kind: u8, none: Option<u8>) -> [u8; BYTES] {
         let mut about = [0; BYTES];
         about[KIND] = kind;
-        about[NAME..NAME + name.len()].copy_from_slice(name.as_bytes());
+        about[NAME][..name.len()].copy_from_slice(name.as_bytes());
         if let Some(none) = none {
             (about[OPTIONS], about[NONE]) = (HAS_NONE, none);
         }
@@ -279,7 +350,9 @@ mod tests {
     }
 
     fn extra(all: &[[u8; BYTES]], bytes: usize) -> Extra {
-        Extra::of(&all.concat(), bytes).unwrap()
+        let (extra, notes) = Extra::of(&all.concat(), bytes);
+        assert!(notes.is_empty(), "{notes:?}");
+        extra
     }
 
     #[test]
@@ -316,7 +389,82 @@ mod tests {
         let mut of_no_kind = described("x", 0, None);
         of_no_kind[OPTIONS] = 3;
         assert_eq!(extra(&[of_no_kind], 3).bytes(), 3);
-        assert!(Extra::of(&described("a", 8, None), 3).is_err());
-        assert!(Extra::of(&described("a", 31, None), 300).is_err());
+    }
+
+    /// Descriptions in records of 5 extra bytes: the names that values are known by and where they are, the bytes that
+    /// nothing describes, and a word of the note, if there is one.
+    #[test]
+    fn descriptions_that_do_not_fit_are_told_and_no_byte_moves() {
+        let name = "of thirty-two letters without 0!";
+        let mut behind = described("a", 3, None);
+        behind[NAME][2..4].copy_from_slice(&[0xFC, 0x39]);
+        let mut umlaut = described("H?he", 3, None);
+        umlaut[NAME][1] = 0xF6;
+        let of_no_kind = |bytes: u8| {
+            let mut about = described("x", 0, None);
+            about[OPTIONS] = bytes;
+            about
+        };
+        let a = described("a", 3, None);
+        type Case<'a> = (Vec<[u8; BYTES]>, &'a [(&'a str, usize)], usize, Option<&'a str>);
+        let cases: [Case<'_>; 11] = [
+            (vec![], &[], 5, None),
+            (vec![a], &[("a", 0)], 3, None),
+            (vec![a, described("b", 5, None)], &[("a", 0)], 3, Some("\"b\" are not there")),
+            (
+                vec![described("b", 10, None), a],
+                &[],
+                5,
+                Some("5 extra bytes, and more are described: \"b\", \"a\" are"),
+            ),
+            (vec![a, described("b", 31, None), a], &[("a", 0)], 3, Some("kind 31")),
+            (vec![a, of_no_kind(1), described("c", 1, None)], &[("a", 0), ("c", 3)], 1, None),
+            (vec![of_no_kind(0), a], &[("a", 0)], 3, None),
+            (vec![described("p", 13, None)], &[("p[0]", 0), ("p[1]", 2)], 1, None),
+            (vec![a, a], &[("a", 0), ("a", 2)], 1, Some("several extra bytes are called \"a\"")),
+            (vec![behind, described(name, 1, None)], &[("a", 0), (name, 2)], 2, None),
+            (vec![umlaut], &[("H\u{f6}he", 0)], 3, None),
+        ];
+        for (descriptions, named, plain, word) in cases {
+            let (extra, notes) = Extra::of(&descriptions.concat(), 5);
+            let columns = extra.columns(0);
+            let found: Vec<_> = columns.iter().map(|c| (c.name(), c.at)).collect();
+            assert_eq!((found.as_slice(), extra.plain, extra.bytes()), (named, plain, 5));
+            assert_eq!(notes.len(), usize::from(word.is_some()), "{notes:?}");
+            assert!(word.is_none_or(|word| notes[0].contains(word)), "{notes:?}");
+            assert_eq!(extra.moves(&extra), [Move { from: 0, to: 0, bytes: 5 }]);
+            // What is written is read again, and nothing is to be said of it.
+            let again = Extra::of(&extra.described().unwrap_or_default(), 5);
+            assert_eq!(again.0, extra);
+            assert_eq!(again.1.is_empty(), !word.is_some_and(|word| word.contains("several")));
+        }
+    }
+
+    #[test]
+    fn dimensions_that_only_are_described_otherwise_and_those_of_one_name_keep_their_values() {
+        let said = |text: &[u8], kind: u8| {
+            let mut about = described("a", kind, None);
+            about[ABOUT][..text.len()].copy_from_slice(text);
+            about
+        };
+        let (one, two) = (extra(&[said(b"one", 3)], 2), extra(&[said(b"two", 3)], 2));
+        let both = one.clone().and(&two).unwrap();
+        assert_eq!((&both, both.moves(&two)), (&one, vec![Move { from: 0, to: 0, bytes: 2 }]));
+        let (twice, _) = Extra::of(&[said(b"one", 3), said(b"two", 3)].concat(), 4);
+        let all = extra(&[described("b", 1, None)], 1).and(&twice).unwrap();
+        assert_eq!(all.moves(&twice), [Move { from: 0, to: 1, bytes: 4 }]);
+        // Kinds of one name are told apart in their order.
+        let (other, _) = Extra::of(&[said(b"one", 3), said(b"two", 5)].concat(), 6);
+        assert!(twice.and(&other).is_err());
+    }
+
+    #[test]
+    fn each_value_that_is_none_is_told_in_its_own_kind() {
+        let mut three = described("a", 21, Some(1));
+        (three[NONE + 8], three[NONE + 16]) = (2, 3);
+        assert_eq!(extra(&[three], 3).filling(), [1, 2, 3]);
+        let mut single = described("s", 9, Some(0));
+        single[NONE..NONE + 8].copy_from_slice(&(-9999.0_f64).to_le_bytes());
+        assert_eq!(extra(&[single], 4).filling(), (-9999.0_f32).to_le_bytes());
     }
 }

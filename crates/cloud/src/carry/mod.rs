@@ -1,9 +1,10 @@
 //! Points with all that is known of them, from the files of a cloud into one format: what an output is to be, and
 //! the records of each part.
 
-mod extra;
+pub(crate) mod extra;
 mod recast;
 mod seen;
+mod times;
 
 use std::collections::HashSet;
 
@@ -16,11 +17,13 @@ use crate::las::{LASZIP, LasFile, Vlr};
 use crate::member::{File, take_room};
 use crate::open::Cloud;
 use crate::text::TextFile;
+use crate::version::LasVersion;
 use crate::write::{Carried, Column, Lines, Packing, TIME, Vlr as Record, WriteOptions, columns};
 use crate::{Census, CloudInfo, PointSource};
 use extra::Extra;
 pub(crate) use recast::Recast;
 pub use seen::{Seen, Sight};
+pub(crate) use times::Times;
 
 /// Who writes records that tell of reference systems; who writes those of octrees.
 const PROJECTION: &str = "LASF_Projection";
@@ -30,14 +33,40 @@ const OCTREE: &str = "copc";
 const SUPERSEDED: u16 = 7;
 const WAVES: std::ops::RangeInclusive<u16> = 100..=354;
 const WAVE_DATA: u16 = 65_535;
-/// Bits of the global encoding: times are adjusted standard GPS times; waveforms are in the file, or in one beside
-/// it; returns were made up.
-const STANDARD_TIME: u16 = 1;
+/// Bits of the global encoding: waveforms are in the file, or in one beside it; returns were made up.
 const WAVES_INSIDE: u16 = 2;
 const WAVES_BESIDE: u16 = 4;
 const MADE_RETURNS: u16 = 8;
 /// Most bytes of the records that are carried.
 const MOST_BYTES: u64 = 64 << 20;
+
+/// What points are to be in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// The format of records; the first that holds all fields of all files when `None`.
+    pub format: Option<PointFormat>,
+    /// The version of LAS; the first that has points of the format when `None`.
+    pub version: Option<LasVersion>,
+    /// How the file is packed.
+    pub packing: Packing,
+}
+
+impl Target {
+    /// The format and version for files of such formats.
+    ///
+    /// # Errors
+    /// A format that cannot be so packed, or a version that does not have it.
+    fn choose(&self, held: PointFormat) -> Result<(PointFormat, LasVersion)> {
+        let Self { version, packing, .. } = *self;
+        let held = version.map_or(held, |version| version.holding(held));
+        let format = match self.format {
+            Some(asked) => packing.check(asked).map(|()| asked)?,
+            None => packing.holding(held)?,
+        };
+        version.map_or(Ok(()), |version| version.check(format, packing))?;
+        Ok((format, version.unwrap_or(LasVersion::of(format))))
+    }
+}
 
 /// How the points of a cloud get into a file of one format.
 pub struct Carrier<'a> {
@@ -45,6 +74,7 @@ pub struct Carrier<'a> {
     info: CloudInfo,
     as_stored: bool,
     format: PointFormat,
+    version: LasVersion,
     extra: Extra,
     carried: Carried,
     /// By file.
@@ -68,23 +98,17 @@ pub(crate) struct Origin<'a> {
 }
 
 impl<'a> Carrier<'a> {
-    /// For records of this format in a file so packed; of the first that holds all fields of all files when `None`.
-    /// They have a dimension for heights above the ground where so told, which are not known yet.
+    /// For records of a file to be written. They have a dimension for heights above the ground where so told, which
+    /// are not known yet.
     ///
     /// # Errors
     /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file; a format that
     /// cannot be so packed.
-    pub fn new(
-        cloud: &'a Cloud,
-        (format, packing): (Option<PointFormat>, Packing),
-        has_heights: bool,
-    ) -> Result<Self> {
+    pub fn new(cloud: &'a Cloud, target: Target, has_heights: bool) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
         let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
-        let format = match format {
-            Some(asked) => packing.check(asked).map(|()| asked)?,
-            None => packing.holding(held.unwrap_or_default())?,
-        };
+        let (format, version) = target.choose(held.unwrap_or_default())?;
+        let packing = target.packing;
         let (info, as_stored) = cloud.as_stored();
         let mut extra = Extra::of_all(&origins)?;
         let heights = has_heights.then(|| {
@@ -99,8 +123,13 @@ impl<'a> Carrier<'a> {
             [Origin { las: Some(file), .. }] => Some(&file.header),
             _ => None,
         };
+        let times = Times::of_all(&origins)?;
+        notes.extend(times.note(packing));
+        let has_time = packing != Packing::Text && format.time_at().is_some();
+        let (time, time_offset) = times.written(version, has_time)?;
         let carried = Carried {
-            encoding: encoding(&origins, format)?,
+            encoding: time | encoding(&origins, format),
+            time_offset,
             source: only.map_or(0, |header| header.source),
             system: only.map_or_else(String::new, |header| header.system.clone()),
             extra_bytes: fitting(format, &extra)?,
@@ -113,7 +142,18 @@ impl<'a> Carrier<'a> {
         if packing == Packing::Text && extra.has_others() {
             notes.push("extra bytes that are no numbers are left out".to_owned());
         }
-        Ok(Self { cloud, info, as_stored, format, extra, carried, recasts, heights, notes })
+        Ok(Self {
+            cloud,
+            info,
+            as_stored,
+            format,
+            version,
+            extra,
+            carried,
+            recasts,
+            heights,
+            notes,
+        })
     }
 
     /// The format of the records.
@@ -148,8 +188,8 @@ impl<'a> Carrier<'a> {
 
     /// A file with these records, or with them as they are in another frame and system.
     pub fn file(&self, frame: Frame, crs: Crs) -> WriteOptions {
-        let carried = self.carried.clone();
-        WriteOptions { carried, ..WriteOptions::new(self.format, frame, crs) }
+        let (version, carried) = (self.version, self.carried.clone());
+        WriteOptions { version, carried, ..WriteOptions::new(self.format, frame, crs) }
     }
 
     /// Their lines of text, as they are in a frame.
@@ -199,12 +239,7 @@ impl Cloud {
 impl<'a> Origin<'a> {
     fn of(name: &'a str, file: &'a LasFile) -> Result<Self> {
         let format = PointFormat::new(file.header.format)?;
-        let described = file.vlrs.iter().find(|vlr| vlr.is(extra::USER, extra::NUMBER));
-        let described = match described {
-            Some(vlr) => vlr.data(&file.reopen()?)?,
-            None => Vec::new(),
-        };
-        let extra = Extra::of(&described, file.header.extra_bytes().into())?;
+        let extra = file.extra.clone();
         Ok(Self { name, las: Some(file), text: None, format, extra })
     }
 
@@ -217,8 +252,14 @@ impl<'a> Origin<'a> {
     }
 
     fn encoding(&self) -> u16 {
-        let of_text = |text: &TextFile| if text.is_standard { STANDARD_TIME } else { 0 };
-        self.las.map_or(self.text.map_or(0, of_text), |file| file.header.encoding)
+        self.las.map_or(0, |file| file.header.encoding)
+    }
+
+    /// What its times are counted from.
+    fn times(&self) -> Times {
+        let is_standard = self.text.is_some_and(|text| text.is_standard);
+        let of_text = if is_standard { Times::USUAL } else { Times::Week };
+        self.las.map_or(of_text, |file| Times::of(&file.header))
     }
 
     fn has_time(&self) -> bool {
@@ -262,32 +303,11 @@ fn described(extra: &Extra) -> Option<Record> {
     })
 }
 
-/// The bits of the global encoding that hold for all files.
-fn encoding(origins: &[Origin<'_>], format: PointFormat) -> Result<u16> {
-    let time = time_of(origins)?;
+/// The bits of the global encoding that hold for all files, but for those of times.
+fn encoding(origins: &[Origin<'_>], format: PointFormat) -> u16 {
     let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
     let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
-    Ok(time | all & (MADE_RETURNS | waves))
-}
-
-/// The bit of the global encoding that says how times are counted.
-///
-/// # Errors
-/// Files that do not count them alike.
-pub(crate) fn time_of(origins: &[Origin<'_>]) -> Result<u16> {
-    let mut timed = origins.iter().filter(|origin| origin.has_time());
-    let of_time = |origin: &Origin<'_>| origin.encoding() & STANDARD_TIME;
-    let first = timed.next();
-    let time = first.map_or(STANDARD_TIME, of_time);
-    match (first, timed.find(|origin| of_time(origin) != time)) {
-        (Some(first), Some(other)) => Err(Error::unsupported(format!(
-            "its times are counted otherwise than those of {}: in seconds of the week, or of all GPS time",
-            shown(first.name)
-        ))
-        .in_file(&path_of(other.name))
-        .remedy("write them on their own, or bring their times into one")),
-        _ => Ok(time),
-    }
+    all & (MADE_RETURNS | waves)
 }
 
 /// What is to be said of waveforms, which are in a file beside that of the points, at places that these know.

@@ -137,8 +137,12 @@ fn older(record: &[u8]) -> Result<[u8; 6], String> {
     if flags >> 4 & 3 > 0 {
         return Err(format!("channel {} of the scanner", flags >> 4 & 3));
     }
-    let degrees = f32::from(i16::from_le_bytes([record[18], record[19]])) * ANGLES;
-    let [angle] = (degrees.round().clamp(-128.0, 127.0) as i8).to_le_bytes();
+    let steps = i16::from_le_bytes([record[18], record[19]]);
+    let degrees = (f32::from(steps) * ANGLES).round();
+    if !(f32::from(i8::MIN)..=f32::from(i8::MAX)).contains(&degrees) {
+        return Err(format!("a scan angle of {} degrees", f64::from(steps) * 3.0 / 500.0));
+    }
+    let [angle] = (degrees as i8).to_le_bytes();
     Ok([
         number | returns << 3 | flags & 0xC0,
         class | (flags & 7) << 5,
@@ -208,23 +212,40 @@ mod tests {
         }
     }
 
+    /// Of each field with less room in an old format: the bytes of a new record, and what an old format cannot hold of
+    /// them, if anything.
+    const NARROWER: [(usize, [u8; 2], Option<&str>); 14] = [
+        (14, [7 | 7 << 4, 0], None),
+        (14, [8 | 7 << 4, 0], Some("return 8 of 7")),
+        (14, [1 | 8 << 4, 0], Some("return 1 of 8")),
+        (16, [31, 0], None),
+        (16, [32, 0], Some("class 32")),
+        (16, [255, 0], Some("class 255")),
+        (15, [7, 2], None),
+        (15, [8, 12], None),
+        (15, [8, 2], Some("the mark of overlap")),
+        (15, [16, 2], Some("channel 1 of the scanner")),
+        (18, 21_249_i16.to_le_bytes(), None),
+        (18, 21_250_i16.to_le_bytes(), Some("a scan angle of 127.5 degrees")),
+        (18, (-21_416_i16).to_le_bytes(), None),
+        (18, (-21_417_i16).to_le_bytes(), Some("a scan angle of -128.502 degrees")),
+    ];
+
     #[test]
     fn what_an_old_format_cannot_hold_is_told() {
-        let plain = || {
+        for (at, bytes, lost) in NARROWER {
             let mut source = record(6);
-            (source[14], source[15], source[16]) = (1 | 1 << 4, 0, 2);
-            source
-        };
-        assert!(push(&recast(6, 1), &plain()).is_ok());
-        for (at, value, what) in [
-            (14, 9 | 9 << 4, "return 9 of 9"),
-            (16, 65, "class 65"),
-            (15, 8, "the mark of overlap"),
-            (15, 32, "channel 2 of the scanner"),
-        ] {
-            let mut source = plain();
-            source[at] = value;
-            assert_eq!(push(&recast(6, 1), &source), Err(what.to_owned()));
+            source[14..17].copy_from_slice(&[1 | 1 << 4, 0, 2]);
+            source[18..20].fill(0);
+            source[at..at + 2].copy_from_slice(&bytes);
+            for to in 0..6 {
+                let made = push(&recast(6, to), &source);
+                assert_eq!(made.as_ref().err().map(String::as_str), lost, "{at}: {bytes:?}");
+                let Ok(made) = made else { continue };
+                // What fits comes back as it was, but for parts of a degree.
+                let back = push(&recast(to, 6), &made).unwrap();
+                assert_eq!(back[14..18], source[14..18], "{at}: {bytes:?}");
+            }
         }
     }
 }

@@ -34,11 +34,13 @@ impl Bytes<'_> {
         f64::from_le_bytes(self.at(offset))
     }
 
-    /// Text of at most `bytes` bytes, to its first zero.
+    /// Text of at most `bytes` bytes, to its first zero; where it is not UTF-8, it is taken for Latin-1.
     pub(crate) fn text(self, offset: usize, bytes: usize) -> String {
         let rest = self.0.get(offset..).unwrap_or_default();
         let field = &rest[..rest.len().min(bytes)];
         let end = field.iter().position(|b| *b == 0).unwrap_or(field.len());
-        String::from_utf8_lossy(&field[..end]).trim().to_owned()
+        let latin = || field[..end].iter().map(|byte| char::from(*byte)).collect();
+        let text = str::from_utf8(&field[..end]).map_or_else(|_| latin(), str::to_owned);
+        text.trim().to_owned()
     }
 }

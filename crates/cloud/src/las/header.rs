@@ -1,5 +1,5 @@
-//! The public header block of LAS 1.0 to 1.4 (ASPRS LAS 1.4 R15, section 2.4), checked against the
-//! file's length.
+//! The public header block of LAS 1.0 to 1.5 (ASPRS LAS 1.4 R16, section 2.4; LAS 1.5 R00, section 2.3), checked
+//! against the file's length.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
@@ -7,10 +7,10 @@ use terrane_base::limits;
 use super::bytes::Bytes;
 use crate::format::PointFormat;
 
-/// Bytes of the header of LAS 1.0 to 1.2, of 1.3 and of 1.4.
-const SIZES: [u16; 3] = [227, 235, 375];
+/// Bytes of the header of LAS 1.0 to 1.2, of 1.3, of 1.4 and of 1.5.
+pub(crate) const SIZES: [u16; 4] = [227, 235, 375, 393];
 /// Most bytes of a header that are looked at.
-pub(super) const MOST_BYTES: u64 = 375;
+pub(super) const MOST_BYTES: u64 = 393;
 
 /// What a LAS file says of itself.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +42,8 @@ pub(crate) struct Header {
     /// Day of the year, and year.
     pub(crate) created: [u16; 2],
     pub(crate) encoding: u16,
+    /// What times are counted from, in millions of seconds of GPS time; from version 1.5 on.
+    pub(crate) time_offset: u16,
     /// What is odd about it.
     pub(crate) notes: Vec<String>,
 }
@@ -68,10 +70,11 @@ impl Header {
 
     fn read(b: Bytes<'_>) -> Self {
         let triple = |at: usize, step: usize| [0, 1, 2].map(|axis| b.f64(at + step * axis));
-        let is_long = [b.u8(24), b.u8(25)] >= [1, 4];
+        let version = [b.u8(24), b.u8(25)];
+        let is_long = version >= [1, 4];
         let (count, notes) = count(b, is_long);
         Self {
-            version: [b.u8(24), b.u8(25)],
+            version,
             source: b.u16(4),
             size: b.u16(94),
             points_at: u64::from(b.u32(96)),
@@ -86,20 +89,21 @@ impl Header {
             low: triple(187, 16),
             evlrs_at: if is_long { b.u64(235) } else { 0 },
             evlrs: if is_long { b.u32(243) } else { 0 },
-            waves_at: if [b.u8(24), b.u8(25)] >= [1, 3] { b.u64(227) } else { 0 },
+            waves_at: if version >= [1, 3] { b.u64(227) } else { 0 },
             system: b.text(26, 32),
             software: b.text(58, 32),
             created: [b.u16(90), b.u16(92)],
             encoding: b.u16(6),
+            time_offset: if version >= [1, 5] { b.u16(391) } else { 0 },
             notes,
         }
     }
 
     fn check_version(&self) -> Result<()> {
         let [major, minor] = self.version;
-        if (major, minor) < (1, 0) || (major, minor) > (1, 4) {
+        if (major, minor) < (1, 0) || (major, minor) > (1, 5) {
             let message = format!("LAS version {major}.{minor} is not known");
-            return Err(Error::unsupported(message).remedy("versions 1.0 to 1.4 are read"));
+            return Err(Error::unsupported(message).remedy("versions 1.0 to 1.5 are read"));
         }
         if self.format >= PointFormat::COUNT {
             let message = format!("point format {} is not known", self.format);
@@ -158,8 +162,15 @@ impl Header {
     /// Where something else than points begins, in a file of so many bytes.
     pub(crate) fn points_end(&self, len: u64) -> u64 {
         let others = [(self.evlrs > 0).then_some(self.evlrs_at), Some(self.waves_at)];
-        let behind = others.into_iter().flatten().filter(|at| *at >= self.points_at);
+        let behind = others.into_iter().flatten().filter(|at| *at >= self.behind(len));
         behind.fold(len, u64::min)
+    }
+
+    /// The first byte that something else may be at: behind all points, as far as these are in a file of so many
+    /// bytes; how many bytes compressed ones take is not known here.
+    pub(super) fn behind(&self, len: u64) -> u64 {
+        let bytes = if self.is_compressed { 0 } else { self.count * u64::from(self.record) };
+        self.points_at.saturating_add(bytes).min(len.max(self.points_at))
     }
 
     /// True for formats 6 to 10.

@@ -11,14 +11,16 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
+use terrane_base::limits;
 use terrane_files::RawFile;
 
 pub(super) use bytes::Bytes;
-pub(super) use header::Header;
+pub(super) use header::{Header, SIZES};
 pub(super) use parts::{Block, Part, Room};
 pub(super) use record::{New, Old, unpacked};
 pub(super) use vlr::Vlr;
 
+use super::carry::extra::{self, Extra};
 use super::copc;
 use super::frame::Claim;
 use super::laz::{Compressor, Layout};
@@ -35,6 +37,8 @@ pub(super) struct LasFile {
     pub(super) header: Header,
     pub(super) vlrs: Vec<Vlr>,
     pub(super) crs: Crs,
+    /// What is known of the extra bytes of its points.
+    pub(super) extra: Extra,
     /// How points are compressed, if they are.
     pub(super) layout: Option<Layout>,
     pub(super) is_copc: bool,
@@ -55,6 +59,7 @@ impl LasFile {
         let mut notes = header.notes.clone();
         let vlrs = vlr::all(file, &header, &mut notes)?;
         let crs = crs::read(file, &vlrs, header.encoding)?;
+        let extra = extra_bytes(file, &header, &vlrs, &mut notes)?;
         let laszip = vlrs.iter().find(|vlr| vlr.is(LASZIP.0, LASZIP.1));
         let layout = match (header.is_compressed, laszip) {
             (false, _) => None,
@@ -86,7 +91,7 @@ impl LasFile {
             (Some(layout), None) => parts::packed(file, &header, layout, salvage, &mut notes)?,
         };
         let (path, len) = (path.to_path_buf(), file.size());
-        Ok(Self { path, len, header, vlrs, crs, layout, is_copc, parts, notes })
+        Ok(Self { path, len, header, vlrs, crs, extra, layout, is_copc, parts, notes })
     }
 
     /// Where its points are said to lie; `None` without points.
@@ -105,4 +110,23 @@ impl LasFile {
             .in_file(&self.path)
             .remedy("start again when nothing writes to it"))
     }
+}
+
+/// What the records that describe extra bytes say of them; there should be one, and several are read as one.
+fn extra_bytes(
+    file: &RawFile,
+    header: &Header,
+    vlrs: &[Vlr],
+    notes: &mut Vec<String>,
+) -> Result<Extra> {
+    let found: Vec<_> = vlrs.iter().filter(|vlr| vlr.is(extra::USER, extra::NUMBER)).collect();
+    let bytes = found.iter().map(|vlr| vlr.bytes).sum();
+    limits::check("bytes that describe extra bytes", bytes, limits::MAX_HEADER_BYTES)?;
+    let described = found.iter().map(|vlr| vlr.data(file)).collect::<Result<Vec<_>>>()?.concat();
+    if found.len() > 1 {
+        notes.push(format!("{} records describe extra bytes: they are read as one", found.len()));
+    }
+    let (extra, odd) = Extra::of(&described, header.extra_bytes().into());
+    notes.extend(odd);
+    Ok(extra)
 }

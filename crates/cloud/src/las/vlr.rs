@@ -9,6 +9,8 @@ use super::header::Header;
 
 /// Bytes before a record's data, in front of the points and behind them.
 const HEADS: [u64; 2] = [54, 60];
+/// What they are called.
+const NAMES: [&str; 2] = ["variable length records", "extended variable length records"];
 
 /// A record, its data not read yet.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,11 +43,29 @@ pub(super) fn all(file: &RawFile, header: &Header, notes: &mut Vec<String>) -> R
     let mut found = Vec::new();
     let front = Run { at: header.size.into(), end: header.points_at, count: header.vlrs, kind: 0 };
     front.read(file, &mut found, notes)?;
-    if header.evlrs > 0 {
-        let behind = Run { at: header.evlrs_at, end: file.size(), count: header.evlrs, kind: 1 };
-        behind.read(file, &mut found, notes)?;
+    let least = header.behind(file.size());
+    match header.evlrs {
+        0 => {}
+        _ if header.evlrs_at < least => notes.push(misplaced(header, least)),
+        count => {
+            let behind = Run { at: header.evlrs_at, end: file.size(), count, kind: 1 };
+            behind.read(file, &mut found, notes)?;
+        }
     }
     Ok(found)
+}
+
+/// What is to be said of records that are said to begin before `least`, where points end.
+fn misplaced(header: &Header, least: u64) -> String {
+    let at = header.evlrs_at;
+    let place = match at < header.points_at {
+        true => format!("in the header and its records, which end at {}", header.points_at),
+        false => format!("among the points, which end at {least}"),
+    };
+    format!(
+        "0 of {} {} are there: the offset {at} of the first lies {place}",
+        header.evlrs, NAMES[1]
+    )
 }
 
 /// Records one after the other.
@@ -95,6 +115,6 @@ impl Run {
     }
 
     fn name(&self) -> &'static str {
-        ["variable length records", "extended variable length records"][self.kind]
+        NAMES[self.kind]
     }
 }

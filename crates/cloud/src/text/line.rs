@@ -21,6 +21,8 @@ const NAMES: [&[&str]; 6] = [
 ];
 /// Of these, x, y and z must be there.
 const NEEDED: usize = 3;
+/// The largest number of a return that a record holds.
+const MOST_RETURNS: u8 = 15;
 /// Other names of fields than those that we write.
 const ALIASES: [(&str, &str); 7] = [
     ("nir", "infrared"),
@@ -63,7 +65,7 @@ impl Line {
     pub(crate) fn record(&self) -> [u8; RECORD] {
         let (Fields(mut record), [number, returns]) = (self.fields, self.returns);
         record[..12].copy_from_slice(self.xyz.map(i32::to_le_bytes).as_flattened());
-        record[14] = number.min(15) | returns.min(15) << 4;
+        record[14] = number | returns << 4;
         record[16] = self.class;
         record
     }
@@ -257,18 +259,19 @@ impl Grammar {
             })?;
             (values.world[axis], values.decimals[axis]) = (value, decimals);
         }
-        let small = |field: Option<&[u8]>, default: u8| match field {
+        let small = |field: Option<&[u8]>, default: u8, most: u8| match field {
             None => Ok(default),
             Some(field) => {
                 let text = String::from_utf8_lossy(&field[..field.len().min(40)]);
                 let value = text.parse::<f64>().ok().filter(|v| v.fract() == 0.0);
-                let value = value.filter(|v| (0.0..=255.0).contains(v)).map(|v| v as u8);
-                value.ok_or_else(|| format!("{text:?} is no class or number of a return"))
+                let value = value.filter(|v| (0.0..=f64::from(most)).contains(v)).map(|v| v as u8);
+                let what = if most == MOST_RETURNS { "number of a return" } else { "class" };
+                value.ok_or_else(|| format!("{text:?} is no {what}, which is 0 to {most}"))
             }
         };
-        values.class = small(found[3], 0)?;
-        values.returns[0] = small(found[4], 1)?;
-        values.returns[1] = small(found[5], values.returns[0])?;
+        values.class = small(found[3], 0, u8::MAX)?;
+        values.returns[0] = small(found[4], 1, MOST_RETURNS)?;
+        values.returns[1] = small(found[5], values.returns[0], MOST_RETURNS)?;
         self.set_fields(line, &mut values.fields)?;
         Ok(values)
     }
@@ -409,6 +412,9 @@ mod tests {
             Grammar::of(b"\"Z\",X,Y,Classification,Return_Number,Number Of Returns").unwrap();
         let values = named.values(b"3,1,2,6,2,3").unwrap();
         assert_eq!((values.world, values.class, values.returns), ([1.0, 2.0, 3.0], 6, [2, 3]));
+        for bad in [&b"3,1,2,256,2,3"[..], b"3,1,2,6,16,3", b"3,1,2,6,2,16", b"3,1,2,6,1.5,3"] {
+            assert!(named.values(bad).is_err(), "{bad:?}");
+        }
         let all =
             Grammar::of(b"x y z r g b Intensity gps_time withheld scan_angle foo foo").unwrap();
         let line = b"1 2 3 10 20 30 400 700000.5 1 -12 5 6";

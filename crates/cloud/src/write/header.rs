@@ -1,13 +1,12 @@
-//! The header of LAS 1.2, 1.3 and 1.4, and the records after it.
+//! The header of LAS 1.2 to 1.5, and the records after it.
 
 use super::tally::{RETURNS, Tally};
-use super::{Layout, Packing, Vlr, WriteOptions, crs, octree};
+use super::{LasVersion, Layout, Packing, Vlr, WriteOptions, crs, octree};
 use crate::format::PointFormat;
+use crate::las::SIZES;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Frame;
+use terrane_base::geom::{Crs, Frame};
 
-/// Bytes of the header itself, by version.
-const SIZES: [u16; 3] = [227, 235, 375];
 /// Bit of the global encoding: the CRS is well-known text.
 const WKT: u16 = 16;
 /// Bit of the point format that says that points are compressed.
@@ -43,19 +42,20 @@ impl Vlr {
 /// Text padded with zeros, cut where it is too long.
 fn text<const N: usize>(text: &str) -> [u8; N] {
     let mut field = [0; N];
-    for (byte, from) in field.iter_mut().zip(text.bytes()) {
-        *byte = from;
-    }
+    let end = (0..=N).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
+    field[..end].copy_from_slice(&text.as_bytes()[..end]);
     field
 }
 
 /// All of the header that is known from the start.
 pub(super) struct Header {
     format: PointFormat,
+    version: LasVersion,
     size: usize,
     is_compressed: bool,
     frame: Frame,
     encoding: u16,
+    time_offset: u16,
     source: u16,
     system: String,
     vlrs: Vec<u8>,
@@ -69,15 +69,18 @@ pub(super) struct Header {
 
 impl Header {
     pub(super) fn new(options: &WriteOptions, layout: &Layout) -> Result<Self> {
-        let (format, carried) = (layout.format(), &options.carried);
+        let (format, version, carried) = (layout.format(), options.version, &options.carried);
         let systems = crs::records(&options.crs, format.is_new());
         let is_wkt = systems.iter().any(|vlr| vlr.number == crs::WKT_RECORD);
+        if version >= LasVersion::V1_5 && !is_wkt && !systems.is_empty() {
+            return Err(no_text(&options.crs));
+        }
         // Readers look for it at the first place.
         let info = options.cube.as_ref().map(|cube| octree::info(cube, &Tally::default(), (0, 0)));
         let all =
             info.into_iter().chain(systems).chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
         let (behind, before): (Vec<_>, Vec<_>) = all.partition(Vlr::is_long);
-        if let Some(vlr) = behind.first().filter(|_| !format.is_new()) {
+        if let Some(vlr) = behind.first().filter(|_| version < LasVersion::V1_4) {
             return Err(too_long(vlr));
         }
         let mut vlrs = Vec::new();
@@ -88,10 +91,13 @@ impl Header {
         };
         Ok(Self {
             format,
+            version,
             size: layout.size(),
             is_compressed: layout.packing() != Packing::Plain,
             frame: options.frame,
-            encoding: carried.encoding | if is_wkt { WKT } else { 0 },
+            encoding: carried.encoding
+                | if is_wkt || version >= LasVersion::V1_5 { WKT } else { 0 },
+            time_offset: carried.time_offset,
             source: carried.source,
             system,
             vlrs,
@@ -108,17 +114,8 @@ impl Header {
         self.vlrs[..bytes.len()].copy_from_slice(&bytes);
     }
 
-    /// The last part of its version.
-    fn version(&self) -> u8 {
-        match self.format.number() {
-            0..=3 => 2,
-            4..=5 => 3,
-            _ => 4,
-        }
-    }
-
     fn own_size(&self) -> u16 {
-        SIZES[usize::from(self.version() - 2)]
+        SIZES[usize::from(self.version.minor() - 2)]
     }
 
     /// Bytes of the header and its records: where points begin.
@@ -128,10 +125,10 @@ impl Header {
 
     /// Fails when there are more points than the version counts.
     pub(super) fn check(&self, tally: &Tally) -> Result<()> {
-        if self.format.is_new() || tally.count() <= u64::from(u32::MAX) {
+        if self.version >= LasVersion::V1_4 || tally.count() <= u64::from(u32::MAX) {
             return Ok(());
         }
-        let message = format!("LAS 1.{} cannot count {} points", self.version(), tally.count());
+        let message = format!("LAS {} cannot count {} points", self.version, tally.count());
         Err(Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8"))
     }
 
@@ -143,7 +140,7 @@ impl Header {
         bytes.extend_from_slice(&self.source.to_le_bytes());
         bytes.extend_from_slice(&self.encoding.to_le_bytes());
         bytes.extend_from_slice(&[0; 16]);
-        bytes.extend_from_slice(&[1, self.version()]);
+        bytes.extend_from_slice(&[1, self.version.minor()]);
         bytes.extend_from_slice(&text::<32>(&self.system));
         bytes.extend_from_slice(&text::<32>(SOFTWARE));
         bytes.extend_from_slice(&[0; 4]);
@@ -155,18 +152,24 @@ impl Header {
         self.old_counts(tally, &mut bytes);
         self.extent(tally, &mut bytes);
         // Waveforms are not in the file.
-        bytes.resize(bytes.len() + if self.version() > 2 { 8 } else { 0 }, 0);
-        if format.is_new() {
+        bytes.resize(bytes.len() + if self.version.minor() > 2 { 8 } else { 0 }, 0);
+        if self.version >= LasVersion::V1_4 {
             self.new_counts(tally, &mut bytes);
+        }
+        if self.version >= LasVersion::V1_5 {
+            let [first, last] = tally.times_told();
+            bytes.extend([last, first].iter().flat_map(|time| time.to_le_bytes()));
+            bytes.extend_from_slice(&self.time_offset.to_le_bytes());
         }
         debug_assert_eq!(bytes.len(), usize::from(self.own_size()));
         bytes.extend_from_slice(&self.vlrs);
         bytes
     }
 
-    /// The counts of 32 bits: zero in files with the new formats.
+    /// The counts of 32 bits: zero in files with the new formats, and where they do not hold all points.
     fn old_counts(&self, tally: &Tally, bytes: &mut Vec<u8>) {
-        let shown = |count: u64| if self.format.is_new() { 0 } else { count as u32 };
+        let is_shown = !self.format.is_new() && tally.count() <= u64::from(u32::MAX);
+        let shown = |count: u64| if is_shown { count as u32 } else { 0 };
         bytes.extend_from_slice(&shown(tally.count()).to_le_bytes());
         bytes.extend(tally.returns[..5].iter().flat_map(|count| shown(*count).to_le_bytes()));
     }
@@ -191,6 +194,14 @@ impl Header {
         let returns: [u64; RETURNS] = tally.returns;
         bytes.extend(returns.iter().flat_map(|count| count.to_le_bytes()));
     }
+}
+
+fn no_text(crs: &Crs) -> Error {
+    let message = format!(
+        "LAS 1.5 has reference systems as well-known text only, and {} cannot be written so",
+        crs.label()
+    );
+    Error::new(ErrorKind::CannotWrite, message).remedy("choose --las-version 1.4")
 }
 
 fn too_long(vlr: &Vlr) -> Error {

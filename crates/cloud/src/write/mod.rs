@@ -24,6 +24,7 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
 pub use crate::format::PointFormat;
+pub use crate::version::LasVersion;
 use header::Header;
 use octree::Nodes;
 use tally::Tally;
@@ -35,8 +36,10 @@ use terrane_files::atomic::AtomicFile;
 /// What a file is to be.
 #[derive(Clone, Debug)]
 pub struct WriteOptions {
-    /// Format of its points; the version of LAS follows from it.
+    /// Format of its points.
     pub format: PointFormat,
+    /// The version of LAS, which has points of this format.
+    pub version: LasVersion,
     /// Whether and how they are compressed.
     pub packing: Packing,
     /// Where nodes lie, of files that have them.
@@ -44,7 +47,7 @@ pub struct WriteOptions {
     /// Where the points lie: scale and offset of the header.
     pub frame: Frame,
     /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
-    /// before it.
+    /// before it. LAS 1.5 knows nothing but text.
     pub crs: Crs,
     /// What is taken over from other files.
     pub carried: Carried,
@@ -57,6 +60,8 @@ pub struct WriteOptions {
 pub struct Carried {
     /// Bits of the global encoding, but for that of well-known text.
     pub encoding: u16,
+    /// What times are counted from, in millions of seconds of GPS time, where the encoding says so.
+    pub time_offset: u16,
     /// Number of the file or flight line.
     pub source: u16,
     /// What measured it.
@@ -70,7 +75,14 @@ pub struct Carried {
 impl Default for Carried {
     /// Nothing; times are adjusted standard GPS times.
     fn default() -> Self {
-        Self { encoding: 1, source: 0, system: String::new(), extra_bytes: 0, vlrs: Vec::new() }
+        Self {
+            encoding: 1,
+            time_offset: 0,
+            source: 0,
+            system: String::new(),
+            extra_bytes: 0,
+            vlrs: Vec::new(),
+        }
     }
 }
 
@@ -88,10 +100,11 @@ pub struct Vlr {
 }
 
 impl WriteOptions {
-    /// An uncompressed file with points of this format.
+    /// An uncompressed file with points of this format, of the first version that has them.
     pub fn new(format: PointFormat, frame: Frame, crs: Crs) -> Self {
-        let (packing, carried) = (Packing::default(), Carried::default());
-        Self { format, packing, cube: None, frame, crs, carried, overwrite: false }
+        let (version, packing) = (LasVersion::of(format), Packing::default());
+        let carried = Carried::default();
+        Self { format, version, packing, cube: None, frame, crs, carried, overwrite: false }
     }
 }
 

@@ -1,5 +1,7 @@
 //! The records of an octree (COPC 1.0): the cube around all points, and where the points of each node are.
 
+use std::collections::BTreeMap;
+
 use super::Vlr;
 use super::tally::Tally;
 
@@ -35,10 +37,14 @@ impl Nodes {
         self.0.push((key, place));
     }
 
-    /// The record that says where nodes are.
+    /// The record that says where nodes are. Readers walk down from the root, so all nodes above one are entries,
+    /// too: with no points and no place where they were not written.
     pub(super) fn hierarchy(&self) -> Vlr {
-        let mut nodes = self.0.clone();
-        nodes.sort_unstable();
+        let mut nodes: BTreeMap<Key, [u64; 3]> = BTreeMap::from([([0; 4], [0; 3])]);
+        nodes.extend(self.0.iter().copied());
+        for above in self.0.iter().flat_map(|(key, _)| above(*key)) {
+            nodes.entry(above).or_default();
+        }
         let entry = |(key, [at, bytes, points]): (Key, [u64; 3])| {
             let mut entry = key.map(i32::to_le_bytes).concat();
             entry.extend_from_slice(&at.to_le_bytes());
@@ -48,6 +54,12 @@ impl Nodes {
         let data = nodes.into_iter().flat_map(entry).collect();
         Vlr { user: USER.into(), number: HIERARCHY, about: "EPT hierarchy".into(), data }
     }
+}
+
+/// The nodes above one, up to the root.
+fn above(key: Key) -> impl Iterator<Item = Key> {
+    let parent = |[level, x, y, z]: &Key| (*level > 0).then(|| [level - 1, x / 2, y / 2, z / 2]);
+    std::iter::successors(parent(&key), parent)
 }
 
 /// The record of the cube, in a file whose hierarchy is the first record behind the points.

@@ -15,6 +15,16 @@ pub(super) struct Tally {
     count: u64,
     /// Least and largest time, of new formats.
     times: [f64; 2],
+    /// The same of those that are not 0.
+    told: [f64; 2],
+}
+
+/// Of no times.
+const NEVER: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+
+/// The range around two.
+fn around([low, high]: [f64; 2], [from, to]: [f64; 2]) -> [f64; 2] {
+    [low.min(from), high.max(to)]
 }
 
 impl Default for Tally {
@@ -24,7 +34,8 @@ impl Default for Tally {
             high: [i32::MIN; 3],
             returns: [0; RETURNS],
             count: 0,
-            times: [f64::INFINITY, f64::NEG_INFINITY],
+            times: NEVER,
+            told: NEVER,
         }
     }
 }
@@ -56,12 +67,20 @@ impl Tally {
     fn time(&mut self, record: &[u8]) {
         let time =
             record[PointFormat::NEW - TIME..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
-        self.times = [self.times[0].min(time), self.times[1].max(time)];
+        self.times = around(self.times, [time; 2]);
+        if time != 0.0 {
+            self.told = around(self.told, [time; 2]);
+        }
     }
 
     /// Least and largest time; zeros where there is none.
     pub(super) fn times(&self) -> [f64; 2] {
         if self.times[0] <= self.times[1] { self.times } else { [0.0; 2] }
+    }
+
+    /// Least and largest time that is not 0, which stands for none; zeros where there is none.
+    pub(super) fn times_told(&self) -> [f64; 2] {
+        if self.told[0] <= self.told[1] { self.told } else { [0.0; 2] }
     }
 
     pub(super) fn add(&mut self, other: &Self) {
@@ -73,7 +92,8 @@ impl Tally {
             *count += more;
         }
         self.count += other.count;
-        self.times = [self.times[0].min(other.times[0]), self.times[1].max(other.times[1])];
+        self.times = around(self.times, other.times);
+        self.told = around(self.told, other.told);
     }
 
     pub(super) fn count(&self) -> u64 {

@@ -238,7 +238,7 @@ pub(super) fn make(
     most: u64,
     at: At<'_>,
 ) -> Result<CloudTinReport> {
-    let ready = Ready::new((job, &job.inputs.join(" ")), source.info(), features, format)?;
+    let ready = Ready::new((job, &job.inputs.join(" ")), source, features, format)?;
     let (kept, mut clock) = (&ready.kept, Clock::default());
     let points = PointStore::fill(source, ready.tiling(), &ready.filling(at))?;
     clock.lap("read", points.census().read);

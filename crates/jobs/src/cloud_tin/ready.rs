@@ -17,7 +17,7 @@ use crate::points::{Filling, PointStore, Tiling};
 use crate::tin::vertical_unit;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Point3};
-use terrane_cloud::CloudInfo;
+use terrane_cloud::{CloudInfo, PointSource};
 use terrane_files::{folder_for, path_of};
 use terrane_mesh::{MeshFormat, MeshHeader, MeshSink, SinkOptions};
 
@@ -89,16 +89,19 @@ pub(super) struct Ready<'a> {
 }
 
 impl<'a> Ready<'a> {
-    /// Of a job whose input the user calls `label`.
+    /// Of a job on points whose input the user calls `label`.
     pub(super) fn new(
         (job, label): (&'a CloudTinJob, &str),
-        info: &'a CloudInfo,
+        points: &'a dyn PointSource,
         features: Features,
         format: &'static MeshFormat,
     ) -> Result<Self> {
+        let info = points.info();
         let bounds = info.bounds.ok_or_else(no_surface)?;
         let kept = features.on_cloud(info, bounds)?;
-        let mut header = header((job, label), info, kept.and_heights(bounds), format)?;
+        let files = if points.files().is_empty() { &job.inputs } else { points.files() };
+        let source = beside::source(&beside::in_order(files));
+        let mut header = header((job, &source), info, kept.and_heights(bounds), format)?;
         let (placed, notes) =
             job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
         header.scale = placed.scale;
@@ -178,7 +181,7 @@ pub(super) fn in_steps(tolerance: f64, step: f64) -> f64 {
 }
 
 fn header(
-    (job, label): (&CloudTinJob, &str),
+    (job, source): (&CloudTinJob, &str),
     info: &CloudInfo,
     bounds: [Point; 2],
     format: &MeshFormat,
@@ -191,7 +194,7 @@ fn header(
     }
     let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
     let mut comments =
-        vec![format!("source {label}"), format!("max error {}{unit}", job.tolerance)];
+        vec![format!("source {source}"), format!("max error {}{unit}", job.tolerance)];
     let beside = [("keep points", &job.keep_points), ("breaklines", &job.breaklines)];
     comments.extend(beside.into_iter().filter_map(|(what, name)| {
         Some(format!("{what} {}", beside::label(&path_of(name.as_deref()?))))

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 use super::{TilesJob, TilesReport};
+use crate::beside;
 use crate::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
 use crate::grid::{self, GridJob, GroundFrom, Placement, Preset};
 use crate::plan::DiskCheck;
@@ -93,7 +94,8 @@ pub fn run_cloud(
 
 impl GroundModel {
     fn made(&self, path: PathBuf, notes: Vec<String>, temporary: Option<TempDir>) -> Result<Made> {
-        let label = Inputs::from(self.input.clone()).to_string();
+        let files = cloud::files(&self.input).unwrap_or_else(|_| self.input.clone());
+        let label = beside::in_order(&files).to_string();
         let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
         Ok(Made { inputs, path, notes, _temporary: temporary })
     }

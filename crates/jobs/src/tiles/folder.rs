@@ -315,7 +315,7 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
         "available": available,
         "terrane": {
             "version": env!("CARGO_PKG_VERSION"),
-            "source": job.input.to_string(),
+            "source": crate::beside::source(&job.input),
             "voids": "filled",
             "levels": levels,
         },

@@ -116,7 +116,7 @@ pub(super) fn tileset(
         },
         "extras": {"terrane": {
             "version": env!("CARGO_PKG_VERSION"),
-            "source": job.input.to_string(),
+            "source": crate::beside::source(&job.input),
             "voids": "filled",
             "bounds": [bounds.west, bounds.south, bounds.east, bounds.north],
             "normals": job.normals,

@@ -231,7 +231,7 @@ impl Maker<'_> {
         let spec = self.spec(tolerance);
         let [clip, water] =
             [&job.reading.clip, &job.reading.water].map(|name| name.as_deref().map(path_of));
-        let input = &job.input.to_string();
+        let input = &beside::source(&job.input);
         let from = Origin {
             input,
             clip: clip.as_deref(),

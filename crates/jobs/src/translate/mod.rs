@@ -57,7 +57,8 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Apart;
 use terrane_cloud::write::{CloudWriter, Packing, WriteOptions, packing_by_name};
 use terrane_cloud::{
-    Carrier, Census, Cloud, CloudInfo, Filter, OpenOptions, PointFormat, PointSource,
+    Carrier, Census, Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, PointSource,
+    Target,
 };
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
@@ -75,6 +76,8 @@ pub struct TranslateJob {
     pub output: PathBuf,
     /// Format of its points; the first that holds all fields of all files when `None`.
     pub format: Option<PointFormat>,
+    /// Version of LAS; the first that has points of that format when `None`.
+    pub version: Option<LasVersion>,
     /// Keep one point of those of one place and time.
     pub dedupe: bool,
     /// Heights above the ground, and classes.
@@ -107,6 +110,7 @@ impl TranslateJob {
             cloud: OpenOptions::default(),
             output: output.into(),
             format: None,
+            version: None,
             dedupe: false,
             above: Above::default(),
             assign: Vec::new(),
@@ -180,9 +184,7 @@ fn prepared<T: Send>(
     act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
 ) -> Result<T> {
     let packing = job.packing()?;
-    let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let carrier = Carrier::new(cloud, (job.format, packing), has_dimension)?;
-    job.check((carrier.format(), packing), carrier.info())?;
+    let carrier = prepared::carrier(job, cloud)?;
     let told = job.above.info(carrier.info());
     let columns = carrier.columns();
     let assigning = Assigning::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
@@ -210,7 +212,7 @@ fn prepared<T: Send>(
         at,
     };
     let resources = Resources { threads, ..job.resources.clone() };
-    let prepared = Prepared { work, source: &source, packing };
+    let prepared = Prepared { work, source: &source };
     workers(&resources)?.install(|| act(&prepared))
 }
 
@@ -277,7 +279,15 @@ impl TranslateJob {
     /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
     fn reading(&self) -> OpenOptions {
         let filter = Filter { keep_withheld: true, ..self.cloud.filter.clone() };
-        OpenOptions { filter, ..self.cloud.clone() }
+        OpenOptions { filter, any_extent: self.is_copy(), ..self.cloud.clone() }
+    }
+
+    /// Whether nothing is computed of the places of several points.
+    fn is_copy(&self) -> bool {
+        let is_divided = self.squares.is_some() || self.overlap.is_some() || self.thin.is_some();
+        let is_measured = self.distance.is_some() || self.transform.is_some();
+        let is_looked_at = self.above.is_asked() || self.above.noise().is_some();
+        !(is_divided || is_measured || is_looked_at)
     }
 
     /// Where points lie in the system asked for.
@@ -292,6 +302,11 @@ impl TranslateJob {
                 .remedy("leave --geoid out, or put them into a dimension"));
         }
         Move::new(info, operation).map(Some)
+    }
+
+    /// What its points are to be in.
+    fn target(&self) -> Result<Target> {
+        Ok(Target { format: self.format, version: self.version, packing: self.packing()? })
     }
 
     /// How its files are packed.

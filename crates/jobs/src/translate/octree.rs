@@ -1,6 +1,7 @@
 //! Records into an octree (COPC): every node has points from all of its cube, and what is below it the rest.
 //!
-//! A node with at most [`NODE_POINTS`] points below it has them all. Else its cube is divided into cells, and of
+//! A node with at most [`NODE_POINTS`] points below it has them all, and so has one whose points are all at one place,
+//! which no division takes apart. Else its cube is divided into cells, and of
 //! the points that the eight nodes below it would have it takes the one nearest to the middle of each. That is a
 //! function of the points alone, so the columns of nodes that are worked on at a time leave no trace; nor does the order of
 //! points, which are sorted in each node.
@@ -22,7 +23,7 @@ use terrane_cloud::write::{Chunk, CloudWriter, Cube, Key, Layout};
 use terrane_cloud::{CloudInfo, PointFormat};
 use terrane_files::Buckets;
 
-/// Points that a node may have without nodes below it.
+/// Points that a node may have without nodes below it; more only where they are all at one place.
 const NODE_POINTS: usize = 1 << 16;
 /// Cells along a side of a node, as a power of two.
 const CELLS: u32 = 7;
@@ -46,8 +47,43 @@ type Column = BTreeMap<u32, Node>;
 #[derive(Default)]
 struct Node {
     records: Vec<u8>,
-    /// Points here and below.
-    total: usize,
+    /// Of the points here and below.
+    occupied: Occupancy,
+}
+
+/// How many points there are, and the lowest and highest divisions of the cube that they lie in.
+#[derive(Clone, Copy)]
+struct Occupancy {
+    points: usize,
+    low: [u32; 3],
+    high: [u32; 3],
+}
+
+impl Default for Occupancy {
+    /// Of no points.
+    fn default() -> Self {
+        Self { points: 0, low: [u32::MAX; 3], high: [0; 3] }
+    }
+}
+
+impl Occupancy {
+    /// Of one point.
+    fn of(fine: [u32; 3]) -> Self {
+        Self { points: 1, low: fine, high: fine }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            points: self.points + other.points,
+            low: std::array::from_fn(|axis| self.low[axis].min(other.low[axis])),
+            high: std::array::from_fn(|axis| self.high[axis].max(other.high[axis])),
+        }
+    }
+
+    /// Whether a node has all these points itself.
+    fn is_whole(&self) -> bool {
+        self.points <= NODE_POINTS || self.low == self.high
+    }
 }
 
 /// A node with nothing to be changed.
@@ -211,11 +247,12 @@ impl Octree<'_> {
     fn split(&self, level: u32, at: [u32; 2], records: Vec<u8>, done: &mut Vec<Done>) -> Column {
         let mut column = Column::new();
         for record in records.chunks_exact(self.size()) {
-            let node = column.entry(self.place.at(level, record)[2]).or_default();
+            let fine = self.place.fine(record);
+            let node = column.entry(fine[2] >> (FINE - level)).or_default();
             node.records.extend_from_slice(record);
-            node.total += 1;
+            node.occupied = node.occupied.and(Occupancy::of(fine));
         }
-        if level >= DEEPEST || column.values().all(|node| node.total <= NODE_POINTS) {
+        if level >= DEEPEST || column.values().all(|node| node.occupied.is_whole()) {
             return column;
         }
         drop(column);
@@ -243,12 +280,13 @@ impl Octree<'_> {
 
     /// What a node takes of those below it, which are done then.
     fn taken(&self, level: u32, below: Vec<([u32; 3], Node)>, done: &mut Vec<Done>) -> Node {
-        let total = below.iter().map(|(_, node)| node.total).sum();
+        let all = below.iter().map(|(_, node)| node.occupied);
+        let occupied = all.fold(Occupancy::default(), Occupancy::and);
         let all: Vec<(usize, &[u8])> = (0..)
             .zip(&below)
             .flat_map(|(i, (_, node))| node.records.chunks_exact(self.size()).map(move |r| (i, r)))
             .collect();
-        let is_whole = total <= NODE_POINTS;
+        let is_whole = occupied.is_whole();
         let best = if is_whole { HashMap::new() } else { self.best(level, &all) };
         let mut own = Vec::new();
         let mut rest: Vec<Vec<u8>> = vec![Vec::new(); below.len()];
@@ -262,7 +300,7 @@ impl Octree<'_> {
             let [x, y, z] = at.map(|number| number as i32);
             done.push(([level, x, y, z], records));
         }
-        Node { records: own, total }
+        Node { records: own, occupied }
     }
 
     /// By cell, the point nearest to its middle; of several the first by its bytes.

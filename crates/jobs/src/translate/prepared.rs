@@ -12,14 +12,12 @@ use crate::grid::preset::Seen;
 use crate::sift::Losses;
 use crate::transform::Transformed;
 use terrane_base::error::Result;
-use terrane_cloud::write::Packing;
 use terrane_cloud::{Carrier, Cloud, CloudInfo, PointSource};
 
 /// A job that is ready to be done.
 pub(super) struct Prepared<'a> {
     pub(super) work: Work<'a>,
     pub(super) source: &'a CarriedRecords<'a>,
-    pub(super) packing: Packing,
 }
 
 /// What has to be known of the whole cloud before some squares are made.
@@ -44,8 +42,7 @@ impl Looked {
 impl Prepared<'_> {
     /// Writes what is asked for; tells what was made, and what became of points, one line each.
     pub(super) fn make(&self) -> Result<(Made, Vec<String>)> {
-        let is_part = self.work.portion.is_some();
-        let wide = self.work.job.wide(self.packing, is_part)?;
+        let wide = self.work.job.wide(self.work.portion.is_some())?;
         self.work.run(self.source, wide.as_ref())
     }
 
@@ -86,7 +83,7 @@ impl Prepared<'_> {
     /// What has to be known of the whole cloud: what is noise, and of the ground what some squares do not tell.
     pub(super) fn look(&self) -> Result<Looked> {
         let (work, above) = (&self.work, &self.work.job.above);
-        let wide = work.job.wide(self.packing, false)?;
+        let wide = work.job.wide(false)?;
         let is_own = wide.is_none() || above.noise().is_some();
         let single = if is_own { work.single(self.source)? } else { None };
         let records = over(&single, self.source);
@@ -116,11 +113,10 @@ pub(super) fn record_bytes(job: &TranslateJob, cloud: &Cloud) -> Result<usize> {
 }
 
 /// What carries the points of a job that can be done.
-fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrier<'a>> {
+pub(super) fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrier<'a>> {
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let packing = job.packing()?;
-    let carrier = Carrier::new(cloud, (job.format, packing), has_dimension)?;
-    job.check((carrier.format(), packing), carrier.info())?;
+    let carrier = Carrier::new(cloud, job.target()?, has_dimension)?;
+    job.check((carrier.format(), job.packing()?), carrier.info())?;
     Ok(carrier)
 }
 

@@ -6,21 +6,20 @@ use super::{Portion, Told, TranslateJob, Work, over};
 use crate::grid::preset::{Metres, Seen, around};
 use crate::records::Records;
 use terrane_base::error::Result;
-use terrane_cloud::write::Packing;
-use terrane_cloud::{Carrier, Cloud, Filter, OpenOptions, PointFormat};
+use terrane_cloud::{Carrier, Cloud, Filter, OpenOptions, Target};
 use terrane_delaunay::Window;
 
 /// A cloud with points beyond those asked for.
 pub(super) struct Wide {
     cloud: Cloud,
-    asked: (Option<PointFormat>, Packing),
+    target: Target,
     /// Whether it has none but those asked for, which are looked at in parts.
     is_same: bool,
 }
 
 impl TranslateJob {
     /// All points that the ground may be made of, where these are not only those asked for, or some of them.
-    pub(super) fn wide(&self, packing: Packing, is_part: bool) -> Result<Option<Wide>> {
+    pub(super) fn wide(&self, is_part: bool) -> Result<Option<Wide>> {
         let own = self.reading();
         let is_same = own.filter.classes.is_none() && own.filter.returns.is_none();
         if (is_same && !is_part) || !self.above.is_asked() {
@@ -28,7 +27,7 @@ impl TranslateJob {
         }
         let filter = Filter { classes: None, returns: None, ..own.filter };
         let cloud = terrane_cloud::open(&self.input, &OpenOptions { filter, ..own })?;
-        Ok(Some(Wide { cloud, asked: (self.format, packing), is_same }))
+        Ok(Some(Wide { cloud, target: self.target()?, is_same }))
     }
 }
 
@@ -41,10 +40,10 @@ impl Work<'_> {
     ) -> Result<Told<'r>> {
         let looking = self.looking();
         let at = self.carrier.heights_at();
-        let Some(Wide { cloud, asked, is_same }) = wide else {
+        let Some(Wide { cloud, target, is_same }) = wide else {
             return looking.tell(records, None, at);
         };
-        let carrier = Carrier::new(cloud, *asked, at.is_some())?;
+        let carrier = Carrier::new(cloud, *target, at.is_some())?;
         let noise = self.portion.and_then(Portion::noise).map(Noise::of_ground);
         let wide = CarriedRecords::within(cloud, &carrier, self.around_ground()?).with(noise);
         let single = if *is_same { self.single(&wide)? } else { None };
@@ -55,7 +54,7 @@ impl Work<'_> {
 
     /// What has to be known of the ground of all points, whose noise is noted.
     pub(super) fn look_at_wide(&self, wide: &Wide, noise: Option<&mut Noise>) -> Result<Seen> {
-        let carrier = Carrier::new(&wide.cloud, wide.asked, self.carrier.heights_at().is_some())?;
+        let carrier = Carrier::new(&wide.cloud, wide.target, self.carrier.heights_at().is_some())?;
         let wide = CarriedRecords::new(&wide.cloud, &carrier);
         let marked = self.mark(&wide)?;
         if let Some((noise, marked)) = noise.zip(marked.as_ref()) {

@@ -17,6 +17,7 @@ from terrane._source import names_of
 def points_of(
     *,
     point_format: int | None = None,
+    las_version: str | float | None = None,
     dedupe: bool = False,
     thin: str | float | None = None,
     heights: str | None = None,
@@ -31,6 +32,7 @@ def points_of(
         raise usage("buffer is around squares", "pass tile=SIDE, or leave it out")
     return {
         "point_format": point_format,
+        "las_version": None if las_version is None else str(las_version),
         "dedupe": dedupe,
         "thin": None if thin is None else str(thin),
         "heights": heights,
@@ -53,6 +55,7 @@ def points(
     every: int | None = None,
     salvage: bool = False,
     point_format: int | None = None,
+    las_version: str | float | None = None,
     dedupe: bool = False,
     thin: str | float | None = None,
     heights: str | None = None,
@@ -79,6 +82,8 @@ def points(
         As for `grid`, of files.
     point_format
         The format of the points, 0 to 10; the first that holds all fields of all files unless said.
+    las_version
+        The version of LAS, "1.2" to "1.5"; the first that has points of the format unless said.
     dedupe
         Of points of one place and time only the first.
     thin
@@ -109,6 +114,7 @@ def points(
     cloud = opened(src, classes, returns, bounds, z_range, every, salvage)
     asked = points_of(
         point_format=point_format,
+        las_version=las_version,
         dedupe=dedupe,
         thin=thin,
         heights=heights,

@@ -138,7 +138,7 @@ impl Opened {
 
     pub(super) fn ready(&self) -> Result<Ready<'_>> {
         let format = self.job.format()?;
-        Ready::new((&self.job, &self.label), self.source.info(), Features::default(), format)
+        Ready::new((&self.job, &self.label), &*self.source, Features::default(), format)
     }
 }
 

@@ -10,7 +10,7 @@ use crate::translate::prepared::Looked;
 use crate::translate::{Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, squares};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_cloud::{CloudInfo, OpenOptions, PointFormat};
+use terrane_cloud::{CloudInfo, LasVersion, OpenOptions, PointFormat};
 use terrane_files::{name_of, path_of, shown};
 
 /// Points that a task has about, unless told otherwise.
@@ -37,6 +37,8 @@ pub(super) struct Method {
     #[serde(flatten)]
     cloud: OpenOptions,
     format: Option<u8>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    version: Option<LasVersion>,
     dedupe: bool,
     above: Above,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -85,6 +87,7 @@ impl Method {
             cloud,
             output: _,
             format,
+            version,
             dedupe,
             above,
             assign,
@@ -113,6 +116,7 @@ impl Method {
             input: input.clone(),
             cloud: cloud.clone(),
             format: format.map(PointFormat::number),
+            version: *version,
             dedupe: *dedupe,
             above: above.clone(),
             assign: assign.clone(),
@@ -129,6 +133,7 @@ impl Method {
         Ok(TranslateJob {
             cloud: self.cloud.clone(),
             format: self.format.map(PointFormat::new).transpose()?,
+            version: self.version,
             dedupe: self.dedupe,
             above: self.above.clone(),
             assign: self.assign.clone(),

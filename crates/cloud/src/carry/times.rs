@@ -1,0 +1,88 @@
+//! What the times of points are counted from, which bits of the global encoding say, and in LAS 1.5 a field.
+
+use super::Origin;
+use crate::las::Header;
+use crate::version::LasVersion;
+use crate::write::Packing;
+use terrane_base::error::{Error, Result};
+use terrane_files::{path_of, shown};
+
+/// Bits of the global encoding: times are GPS times less a billion seconds; with the other bit, from version 1.5 on,
+/// less as many millions as the header says.
+const STANDARD: u16 = 1;
+const OFFSET: u16 = 1 << 6;
+/// The millions of seconds of adjusted standard GPS times.
+const BILLION: u16 = 1000;
+
+/// What times are counted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Times {
+    /// The beginning of the week.
+    Week,
+    /// The beginning of GPS time and so many millions of seconds.
+    Gps(u16),
+}
+
+impl Times {
+    /// Adjusted standard GPS times.
+    pub(super) const USUAL: Self = Self::Gps(BILLION);
+
+    pub(super) fn of(header: &Header) -> Self {
+        match header.encoding & (STANDARD | OFFSET) {
+            both if both == STANDARD | OFFSET && header.version >= [1, 5] => {
+                Self::Gps(header.time_offset)
+            }
+            bits if bits & STANDARD > 0 => Self::USUAL,
+            _ => Self::Week,
+        }
+    }
+
+    /// Those of all files that have any.
+    ///
+    /// # Errors
+    /// Files that do not count them alike.
+    pub(crate) fn of_all(origins: &[Origin<'_>]) -> Result<Self> {
+        let mut timed = origins.iter().filter(|origin| origin.has_time());
+        let first = timed.next();
+        let times = first.map_or(Self::USUAL, Origin::times);
+        match (first, timed.find(|origin| origin.times() != times)) {
+            (Some(first), Some(other)) => Err(Error::unsupported(format!(
+                "its times are counted otherwise than those of {}: in seconds of the week, or of GPS time from another \
+                 day on",
+                shown(first.name)
+            ))
+            .in_file(&path_of(other.name))
+            .remedy("write them on their own, or bring their times into one")),
+            _ => Ok(times),
+        }
+    }
+
+    /// The bits of the global encoding, and the millions of seconds, that say so in a version; of points without
+    /// times those that every version has.
+    ///
+    /// # Errors
+    /// A version that cannot say so.
+    pub(super) fn written(self, version: LasVersion, has_time: bool) -> Result<(u16, u16)> {
+        match self {
+            Self::Week => Ok((0, 0)),
+            Self::Gps(_) if !has_time || self == Self::USUAL => Ok((STANDARD, 0)),
+            Self::Gps(millions) if version >= LasVersion::V1_5 => Ok((STANDARD | OFFSET, millions)),
+            Self::Gps(millions) => Err(Error::unsupported(format!(
+                "its times are GPS times less {millions} million seconds, which LAS {version} cannot say"
+            ))
+            .remedy("write .las or .laz with --las-version 1.5")),
+        }
+    }
+
+    /// What is to be said of them where nothing else does.
+    pub(super) fn note(self, packing: Packing) -> Option<String> {
+        match self {
+            Self::Gps(millions) if packing == Packing::Text && self != Self::USUAL => {
+                Some(format!(
+                    "times are GPS times less {millions} million seconds, which text does not say"
+                ))
+            }
+            _ => None,
+        }
+    }
+}

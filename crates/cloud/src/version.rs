@@ -1,0 +1,132 @@
+//! Versions of LAS, and which points each has.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::format::PointFormat;
+use crate::write::Packing;
+use terrane_base::error::{Error, Result};
+
+/// A version of LAS that is written: 1.2 to 1.5.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct LasVersion {
+    minor: u8,
+}
+
+impl LasVersion {
+    /// The version in which the reference system and all counts are as COPC needs them.
+    pub const V1_4: Self = Self { minor: 4 };
+    /// The latest version: points of formats 6 to 10, times counted from any million of seconds.
+    pub const V1_5: Self = Self { minor: 5 };
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self { minor: 2 }, Self { minor: 3 }, Self::V1_4, Self::V1_5];
+
+    /// The first version that has points of a format.
+    pub fn of(format: PointFormat) -> Self {
+        Self::ALL.into_iter().find(|version| version.has(format)).unwrap_or(Self::V1_4)
+    }
+
+    /// The part behind the point.
+    pub fn minor(self) -> u8 {
+        self.minor
+    }
+
+    fn has(self, format: PointFormat) -> bool {
+        match self.minor {
+            2 => format.number() <= 3,
+            3 => format.number() <= 5,
+            4 => true,
+            _ => format.is_new(),
+        }
+    }
+
+    /// The first format with all fields of another that it has, where it is one that formats were taken out of.
+    pub(crate) fn holding(self, format: PointFormat) -> PointFormat {
+        match self {
+            Self::V1_5 => format.holding(PointFormat::default()),
+            _ => format,
+        }
+    }
+
+    /// Fails where it has no points of a format, or they cannot be so packed.
+    pub(crate) fn check(self, format: PointFormat, packing: Packing) -> Result<()> {
+        match packing {
+            Packing::Text => Err(Error::usage("text has no version of LAS")
+                .remedy("leave --las-version out, or choose a name that ends in .las or .laz")),
+            Packing::Nodes if self != Self::V1_4 => {
+                Err(Error::unsupported(format!("COPC is LAS 1.4, and not {self}"))
+                    .remedy("leave --las-version out, or choose a name that ends in .laz only"))
+            }
+            _ if !self.has(format) => {
+                let number = format.number();
+                Err(Error::unsupported(format!("LAS {self} has no points of format {number}"))
+                    .remedy("choose another --las-version or --point-format"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl FromStr for LasVersion {
+    type Err = String;
+
+    /// "1.4".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|version| version.to_string() == text.trim());
+        found.ok_or_else(|| "expected 1.2, 1.3, 1.4 or 1.5".to_owned())
+    }
+}
+
+impl fmt::Display for LasVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "1.{}", self.minor)
+    }
+}
+
+impl TryFrom<String> for LasVersion {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<LasVersion> for String {
+    fn from(version: LasVersion) -> Self {
+        version.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_have_the_points_that_the_standard_gives_them() {
+        let format = |number| PointFormat::new(number).unwrap();
+        for (number, versions) in [
+            (0, "1.2 1.3 1.4"),
+            (3, "1.2 1.3 1.4"),
+            (4, "1.3 1.4"),
+            (5, "1.3 1.4"),
+            (6, "1.4 1.5"),
+            (10, "1.4 1.5"),
+        ] {
+            let fits = |version: &LasVersion| version.check(format(number), Packing::Plain).is_ok();
+            let found: Vec<_> =
+                LasVersion::ALL.iter().filter(|v| fits(v)).map(LasVersion::to_string).collect();
+            assert_eq!(found.join(" "), versions, "{number}");
+            assert_eq!(LasVersion::of(format(number)).to_string(), versions[..3], "{number}");
+        }
+        assert_eq!(LasVersion::V1_5.holding(format(3)), format(7));
+        assert!(LasVersion::V1_5.check(format(6), Packing::Nodes).is_err());
+        assert!(LasVersion::V1_4.check(format(6), Packing::Nodes).is_ok());
+        assert!(LasVersion::V1_4.check(format(6), Packing::Text).is_err());
+        for text in ["1.1", "1.6", "15", "", "1.50"] {
+            assert!(text.parse::<LasVersion>().is_err(), "{text}");
+        }
+    }
+}
