@@ -409,3 +409,82 @@ fn names_of_terrains_say_each_thing_once() {
     let told = place.ok(&["info", "synth:rough,height=3,size=10"]).out;
     assert!(told.contains("10 x 3"), "in any order: {told}");
 }
+
+#[test]
+fn addresses_are_told_to_be_none_of_files() {
+    let place = place();
+    let words = ["addresses are not read", "curl -LO"];
+    for address in [
+        "http://example.com/a.tif",
+        "https://example.com/a.tif?token=1&x=*",
+        "s3://bucket/a.tif",
+        "/vsicurl/https://example.com/a.tif",
+    ] {
+        for args in [
+            &["tin", address, "o.ply", "--max-error", "1"][..],
+            &["tin", "good.asc", address, "o.ply", "--max-error", "1"],
+            &["tin", "good.asc", "o.ply", "--max-error", "1", "--clip", address],
+            &["tin", "good.asc", "o.ply", "--max-error", "1", "--breaklines", address],
+            &["info", address],
+            &["convert", address, "o.tif"],
+            &["contour", address, "-o", "o.wkt", "--interval", "1"],
+            &["hillshade", address, "o.tif"],
+            &["color-relief", "good.asc", address, "o.tif"],
+            &["grid", address, "o.tif", "--cell", "1"],
+            &["points", address, "o.las"],
+            &["line", address, "o.wkt", "--tolerance", "1"],
+            &["tiles", address, "t"],
+            &["view", address, "-o", "o.png"],
+            &["verify", address, "good.asc"],
+            &["verify", "m.ply", address],
+            &["plan", "tin", address, "-o", "w", "--max-error", "1"],
+        ] {
+            place.write("m.ply", "ply");
+            place.fails(args, 65, &words);
+        }
+    }
+    let las = ["info", "http://example.com/a.las"];
+    place.fails(&las, 65, &words);
+    let args = ["convert", "good.asc", "http://example.com/a.tif"];
+    place.fails(&args, 73, &["addresses are not written"]);
+}
+
+#[test]
+fn cells_that_doubles_do_not_tell_apart_are_refused_by_all_that_write_positions() {
+    let place = Place::new();
+    // Cells by the place they lie at, and whether positions are held.
+    for (cell, at, is_held) in [
+        ("1e-12", "5000000", false),
+        ("2e-9", "5000000", false),
+        ("1e-7", "500000000", false),
+        ("1e-5", "5000000", true),
+        ("1e-12", "0", true),
+    ] {
+        let rows = "1 2 3 4\n5 9 7 8\n9 10 11 -9999\n";
+        let grid = format!(
+            "ncols 4\nnrows 3\nxllcorner {at}\nyllcorner {at}\ncellsize {cell}\nNODATA_value -9999\n{rows}"
+        );
+        place.write("a.asc", &grid).write("mesh.ply", "ply");
+        for args in [
+            &["tin", "a.asc", "o.ply", "--max-error", "1"][..],
+            &["tin", "a.asc", "o.obj", "--max-error", "1", "--method", "greedy"],
+            &["contour", "a.asc", "-o", "o.wkt", "--interval", "2"],
+            &["convert", "a.asc", "o.csv"],
+            &["plan", "tin", "a.asc", "-o", "w", "--max-error", "1"],
+        ] {
+            match is_held {
+                false => place.fails(args, 65, &["too small", "gdal_edit.py"]),
+                true => {
+                    let ran = place.run(args);
+                    assert!(!ran.err.contains("too small"), "{cell} {args:?}: {}", ran.err);
+                }
+            }
+            for made in ["o.ply", "o.obj", "o.wkt", "o.csv"] {
+                let _ = std::fs::remove_file(place.path(made));
+            }
+            let _ = std::fs::remove_dir_all(place.path("w"));
+        }
+        let told = place.ok(&["info", "a.asc"]).out;
+        assert_eq!(told.contains("cells are too small"), !is_held, "{cell}: {told}");
+    }
+}

@@ -1,6 +1,7 @@
 //! `terrane slope` and the like: the same bytes however they are made, on any lattice, refused by name.
 
 use crate::cli_support::{Place, json};
+use crate::tiff_builder::{Spec, Value};
 
 const VERBS: [&str; 7] = ["slope", "aspect", "hillshade", "curvature", "roughness", "tpi", "tri"];
 
@@ -150,4 +151,187 @@ fn what_cannot_be_is_refused_by_name() {
         place.fails(&[verb, dem, "p.tif", "--scale", "2"], 2, &["--scale is for slopes", verb]);
     }
     place.fails(&["slope", "m.ply", "p.tif"], 65, &["m.ply"]);
+}
+
+/// The pixels of a picture in gray, and its bytes for each.
+fn gray(place: &Place, name: &str) -> (Vec<u16>, usize) {
+    let bytes = place.bytes(name);
+    let mut reader = ::png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let frame = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!(frame.color_type, ::png::ColorType::Grayscale, "{name}");
+    match frame.bit_depth {
+        ::png::BitDepth::Eight => (pixels.iter().map(|byte| u16::from(*byte)).collect(), 1),
+        _ => (pixels.as_chunks::<2>().0.iter().map(|b| u16::from_be_bytes(*b)).collect(), 2),
+    }
+}
+
+#[test]
+fn a_png_is_a_picture_in_grays_that_stand_for_the_values() {
+    let place = Place::new();
+    let dem = "synth:salt,size=65,voids=0.01";
+    for verb in VERBS {
+        place.ok(&[verb, dem, "o.tif", "--overwrite", "-q"]);
+        let (_, expected) = values(&place, "o.tif");
+        // Text has the digits of single precision.
+        let expected: Vec<f64> = expected.iter().map(|z| f64::from(*z as f32)).collect();
+        let ran = place.ok(&[verb, dem, "o.png", "--overwrite", "--json"]);
+        let (found, size) = gray(&place, "o.png");
+        let valid = || expected.iter().filter(|z| !z.is_nan());
+        let least = valid().fold(f64::INFINITY, |a, b| a.min(*b));
+        let most = valid().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+        let range = match verb {
+            "hillshade" => [1.0, 255.0],
+            "slope" => [0.0, 90.0],
+            "aspect" => [0.0, 360.0],
+            _ => [least, most],
+        };
+        let white = if verb == "hillshade" { 255.0 } else { 65_535.0 };
+        assert_eq!((found.len(), size), (expected.len(), if verb == "hillshade" { 1 } else { 2 }));
+        for (pixel, value) in found.iter().zip(&expected) {
+            let share = (value - range[0]) / (range[1] - range[0]);
+            let wanted = if value.is_nan() { 0.0 } else { (1.0 + share * (white - 1.0)).round() };
+            assert_eq!(f64::from(*pixel), wanted, "{verb}: {value}");
+        }
+        let notes = json(&ran.out)["notes"].to_string();
+        assert_eq!(notes.contains("stand for"), verb != "hillshade", "{verb}: {notes}");
+        place.ok(&[verb, dem, "two.png", "--overwrite", "-q", "--threads", "2"]);
+        assert!(place.bytes("o.png") == place.bytes("two.png"), "{verb}");
+        // What is void is transparent, and read so.
+        let info = json(&place.ok(&["info", "o.png", "--stats", "--json"]).out);
+        assert_eq!(info["stats"]["valid"], valid().count(), "{verb}");
+    }
+    place.ok(&["hillshade", dem, "p.png", "--co", "ENCODING=TERRARIUM", "-q"]);
+    assert_eq!(
+        json(&place.ok(&["info", "terrarium:p.png", "--json"]).out)["details"]["heights"],
+        "terrarium"
+    );
+}
+
+/// A geographic system on an ellipsoid, in both kinds of text.
+fn bodies(axis: f64, flattening: f64) -> [String; 2] {
+    let first = format!(
+        r#"GEOGCS["own",DATUM["D_own",SPHEROID["own",{axis},{flattening}]],PRIMEM["Reference_Meridian",0],UNIT["Degree",0.0174532925199433]]"#
+    );
+    let second = format!(
+        r#"GEOGCRS["own",DATUM["own",ELLIPSOID["own",{axis},{flattening},LENGTHUNIT["metre",1]]],PRIMEM["Reference Meridian",0,ANGLEUNIT["degree",0.0174532925199433]],CS[ellipsoidal,2],AXIS["latitude",north,ORDER[1]],AXIS["longitude",east,ORDER[2]],ANGLEUNIT["degree",0.0174532925199433]]"#
+    );
+    [first, second]
+}
+
+/// Tags of a geographic system of its own by keys.
+fn keyed(axis: f64, flattening: f64) -> Vec<(u16, Value)> {
+    let keys = [
+        [1, 1, 0, 6],
+        [1024, 0, 1, 2],
+        [1025, 0, 1, 1],
+        [2048, 0, 1, 32_767],
+        [2056, 0, 1, 32_767],
+        [2057, 34_736, 1, 0],
+        [2059, 34_736, 1, 1],
+    ];
+    vec![(34_735, Value::Short(keys.concat())), (34_736, Value::Double(vec![axis, flattening]))]
+}
+
+#[test]
+fn slopes_of_degrees_are_by_the_ellipsoid_of_their_body() {
+    for (name, axis, flattening) in [
+        ("Moon", 1_737_400.0_f64, 0.0),
+        ("Mars", 3_396_190.0, 169.894_447_223_612),
+        ("Ceres", 470_000.0, 0.0),
+        ("Earth, GRS 80", 6_378_137.0, 298.257_222_101),
+        ("Jupiter", 71_492_000.0, 15.414_402_759_810_3),
+    ] {
+        // A metre up by two metres east, in degrees at the latitude of each row.
+        let (cell, north) = (1.0 / 120.0, 46.0_f64);
+        let f = if flattening == 0.0 { 0.0 } else { 1.0 / flattening };
+        let across = |latitude: f64| {
+            let (sine, cosine) = latitude.to_radians().sin_cos();
+            (axis / (1.0 - f * (2.0 - f) * sine * sine).sqrt() * cosine).to_radians()
+        };
+        let mut spec = Spec::new(20, 20, 3, 64);
+        spec.extra = vec![
+            (33_550, Value::Double(vec![cell, cell, 0.0])),
+            (33_922, Value::Double(vec![0.0, 0.0, 0.0, 10.0, north, 0.0])),
+        ];
+        let height = |col: usize, row: usize, _: usize| {
+            let latitude = north - cell * (row as f64 + 0.5);
+            0.5 * across(latitude) * cell * (col as f64 - 10.0)
+        };
+        let plain = spec.build(height);
+        spec.extra.extend(keyed(axis, flattening));
+        let place = Place::new();
+        place
+            .write("keys.tif", spec.build(height))
+            .write("text.tif", &plain)
+            .write("text2.tif", &plain);
+        let vrt = |file: &str, system: &str| {
+            let system = system.replace('"', "&quot;");
+            format!(
+                "<VRTDataset rasterXSize=\"20\" rasterYSize=\"20\"><SRS>{system}</SRS>\
+                 <GeoTransform>10, {cell}, 0, {north}, 0, -{cell}</GeoTransform>\
+                 <VRTRasterBand dataType=\"Float64\" band=\"1\"><SimpleSource><SourceFilename \
+                 relativeToVRT=\"1\">{file}</SourceFilename><SourceBand>1</SourceBand></SimpleSource>\
+                 </VRTRasterBand></VRTDataset>"
+            )
+        };
+        let [first, second] = bodies(axis, flattening);
+        place
+            .write("text.vrt", vrt("text.tif", &first))
+            .write("text2.vrt", vrt("text2.tif", &second));
+        for input in ["keys.tif", "text.vrt", "text2.vrt"] {
+            place.ok(&["slope", input, "o.tif", "--overwrite", "-q"]);
+            let (columns, slopes) = values(&place, "o.tif");
+            let middle = slopes[10 * columns + 10];
+            assert!(
+                (middle - 0.5_f64.atan().to_degrees()).abs() < 1e-3,
+                "{name} {input}: {middle}"
+            );
+            // A mesh in metres is as large as its body.
+            place.ok(&["tin", input, "o.stl", "--max-error", "1", "--overwrite", "-q"]);
+            let info = json(&place.ok(&["info", "o.stl", "--json"]).out);
+            let scale = info["scale"][0].as_f64().unwrap();
+            let expected = across(north - 10.0 * cell);
+            assert!((scale / expected - 1.0).abs() < 1e-5, "{name} {input}: {scale} {expected}");
+            let lines = [
+                "contour",
+                input,
+                "-o",
+                "o.wkt",
+                "--interval",
+                "50",
+                "--tolerance",
+                "20m",
+                "--overwrite",
+            ];
+            match name.starts_with("Earth") {
+                true => assert_eq!(place.run(&lines).code, 0),
+                false => assert!(place.run(&lines).err.contains("another body"), "{name}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn an_ellipsoid_that_is_told_and_not_known_is_refused() {
+    let place = Place::new();
+    let mut spec = Spec::new(20, 20, 3, 64);
+    spec.extra = vec![
+        (33_550, Value::Double(vec![0.01, 0.01, 0.0])),
+        (33_922, Value::Double(vec![0.0, 0.0, 0.0, 10.0, 46.0, 0.0])),
+    ];
+    let with = |keys: Vec<[u16; 4]>| {
+        let mut spec = spec.clone();
+        spec.extra.push((34_735, Value::Short(keys.concat())));
+        spec.build(|col, row, _| (col + row) as f64)
+    };
+    place.write("own.tif", with(vec![[1, 1, 0, 2], [1024, 0, 1, 2], [2048, 0, 1, 32_767]]));
+    place.write("degrees.tif", with(vec![[1, 1, 0, 2], [1024, 0, 1, 2], [2054, 0, 1, 9102]]));
+    place.fails(&["slope", "own.tif", "o.tif"], 65, &["ellipsoid", "--scale"]);
+    place.fails(&["tin", "own.tif", "o.stl", "--max-error", "1"], 65, &["ellipsoid", "PLY"]);
+    place.ok(&["slope", "own.tif", "o.tif", "--scale", "30323", "-q"]);
+    place.ok(&["tpi", "own.tif", "p.tif", "-q"]);
+    let told =
+        json(&place.ok(&["slope", "degrees.tif", "d.tif", "--json"]).out)["notes"].to_string();
+    assert!(told.contains("taken for that of WGS 84"), "{told}");
 }

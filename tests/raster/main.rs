@@ -18,4 +18,5 @@ mod nodata;
 mod sidecars;
 mod store;
 mod terrain;
+mod voids;
 mod write;

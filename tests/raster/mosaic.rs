@@ -116,13 +116,14 @@ fn painted(tiles: &[Tile]) -> (u32, u32, Vec<f64>) {
     let width = (high(|t| t.col + t.width as i32) - left) as u32;
     let height = (high(|t| t.row + t.height as i32) - top) as u32;
     let mut all = vec![f64::NAN; (width * height) as usize];
-    let common = tiles.iter().find_map(|tile| tile.nodata);
+    // What no terrain has for a height is a void in files that declare nothing, too.
+    let is_declared = tiles.iter().any(|tile| tile.nodata == Some(NODATA));
     for tile in tiles {
         for (i, z) in tile.heights.iter().enumerate() {
             let col = tile.col - left + i as i32 % tile.width as i32;
             let row = tile.row - top + i as i32 / tile.width as i32;
             if Some(*z) != tile.nodata {
-                let void = Some(*z) == common;
+                let void = tile.nodata.is_none() && is_declared && *z == NODATA;
                 all[row as usize * width as usize + col as usize] =
                     if void { f64::NAN } else { *z };
             }

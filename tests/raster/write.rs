@@ -26,7 +26,12 @@ impl Grid {
     /// A slope with steps in whole numbers, and a void here and there.
     fn new(sample_type: SampleType, width: u32, height: u32) -> Self {
         let narrow = sample_type.bytes() == 1;
-        let nodata = if narrow { 100.0 } else { 9999.0 };
+        let nodata = match sample_type {
+            SampleType::I8 | SampleType::U8 => 100.0,
+            // The half that is nearest to the other is none of its heights either.
+            SampleType::F16 => 9984.0,
+            _ => 9999.0,
+        };
         let value = |k: u64| {
             let (col, row) = (k % u64::from(width), k / u64::from(width));
             let noise = k.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 61;

@@ -52,6 +52,14 @@ impl ErrorKind {
     }
 }
 
+/// True for the address of something elsewhere, such as `https://host/file` or `/vsicurl/https://host/file`.
+pub fn is_address(path: &Path) -> bool {
+    let name = path.to_string_lossy();
+    let is_letter = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
+    let scheme = name.split_once("://").map(|(scheme, _)| scheme);
+    name.starts_with("/vsi") || scheme.is_some_and(|s| !s.is_empty() && s.chars().all(is_letter))
+}
+
 /// An error with its file, place and remedy. Displays as one line.
 #[derive(Debug, thiserror::Error)]
 pub struct Error {
@@ -153,8 +161,21 @@ impl Error {
         error
     }
 
+    /// An input file that is not there. Where the name is an address, it says that this is not read.
+    pub fn missing(path: &Path) -> Self {
+        match is_address(path) {
+            true => Self::unsupported("addresses are not read, only files of this machine")
+                .remedy("download the file first (curl -LO ADDRESS), and name the copy"),
+            false => Self::bad_input("no such file").remedy("check the name"),
+        }
+        .in_file(path)
+    }
+
     /// Failure to open or read an input file.
     pub fn read(path: &Path, source: io::Error) -> Self {
+        if source.kind() == io::ErrorKind::NotFound && is_address(path) {
+            return Self::missing(path);
+        }
         let kind = match source.kind() {
             io::ErrorKind::NotFound
             | io::ErrorKind::PermissionDenied

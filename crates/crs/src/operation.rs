@@ -68,6 +68,7 @@ impl Operation {
         }
         let mut notes = Vec::new();
         let datums = [&own.datum, &others.datum];
+        check_bodies(datums)?;
         let (legs, accuracy, name) = match &options.shift_grid {
             Some(grid) => {
                 let is_back = grid.is_back(datums)?;
@@ -280,6 +281,22 @@ fn shift(datums: [&Datum; 2], area: Option<&Area>, notes: &mut Vec<String>) -> R
         legs.push(Leg::Helmert { shift, ellipsoids, area: known.area, is_back });
     }
     Ok((legs, Some(accuracy), names.join(", back by ")))
+}
+
+/// Ellipsoids of the Earth differ by less than this share of their size.
+const ONE_BODY: f64 = 0.02;
+
+/// Fails where two datums are of different bodies, as between the Moon and the Earth nothing can be shifted.
+fn check_bodies(datums: [&Datum; 2]) -> Result<()> {
+    let [from, to] = datums.map(|datum| datum.axis);
+    if (from - to).abs() <= ONE_BODY * from.max(to) {
+        return Ok(());
+    }
+    let [a, b] = datums.map(|datum| datum.name.replace('_', " "));
+    Err(Error::unsupported(format!(
+        "from the datum {a} to {b}: they are of bodies with radii of {from} and {to} m"
+    ))
+    .remedy("name a system of the same body"))
 }
 
 fn is_one([a, b]: [&Datum; 2]) -> bool {

@@ -155,8 +155,12 @@ fn what_cannot_be_done_is_refused_by_name() {
         (code(2056), code(4978), "centre of the earth"),
         (own, code(4326), "\"nzmg\""),
         (code(8441), code(4326), "\"labrd\""),
-        (from_text(moon), code(4326), "no shift of D Moon 2000 to WGS 84 is known; give a grid"),
-        (code(2056), from_text(moon), "no shift of D Moon 2000 to WGS 84 is known"),
+        (
+            from_text(moon),
+            code(4326),
+            "bodies with radii of 1737400 and 6378137 m; name a system of the same body",
+        ),
+        (code(2056), from_text(moon), "radii of 6377397.155 and 1737400 m"),
         (Crs::default(), code(4326), "not known where on the globe"),
         (grid, code(28992), "outside of where the shift"),
     ] {

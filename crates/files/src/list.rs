@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, Result, is_address};
 use terrane_base::limits;
 
 use super::glob;
@@ -50,6 +50,8 @@ impl Seek {
             return if is_list(&path) { Kind::List(path) } else { Kind::File };
         }
         match input.strip_prefix(LIST_PREFIX) {
+            // Question marks of addresses are no pattern.
+            _ if is_address(&path) => Kind::File,
             Some(list) => Kind::List(path_of(list)),
             None if glob::is_pattern(input) => Kind::Pattern,
             None => Kind::File,

@@ -31,8 +31,7 @@ impl Beside {
     ) -> Result<Self> {
         let path = path_of(name).into_owned();
         if vector::synthetic(&path).is_none() && !path.exists() {
-            let error = Error::bad_input("no such file").in_file(&path);
-            return Err(error.remedy(format!("check the name, or name a file of {what}")));
+            return Err(Error::missing(&path).or(&format!("name a file of {what}")));
         }
         let source = vector::open(&path, &vector::OpenOptions::default())?;
         Ok(Self { path, source, bytes_each, remedy })

@@ -90,8 +90,12 @@ fn read(path: &Path) -> Result<Palette> {
     })
 }
 
-/// The lowest and highest height of a grid.
-fn range(grid: &dyn GridSource, progress: &dyn Progress, cancel: &Cancel) -> Result<[f64; 2]> {
+/// The lowest and highest height of a grid; 0 where there is none.
+pub(crate) fn range(
+    grid: &dyn GridSource,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<[f64; 2]> {
     let all = grid.info().bounds();
     let mut heights = vec![0.0; PIECE[0] as usize * ROWS as usize];
     let mut range = [f64::INFINITY, f64::NEG_INFINITY];

@@ -182,7 +182,9 @@ pub(crate) fn run_of(
     let options = job.reading.options(&job.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
-    let Front { bands, colours, mut notes } = front(source)?;
+    let cautions = raster::cautions(source.info());
+    let Front { bands, colours, notes } = front(source)?;
+    let mut notes = [cautions, notes].concat();
     let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
     let report = copy_of(&bands, colours, job, held, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
@@ -226,7 +228,8 @@ fn copy_of(
     progress.end();
     copy_levels(sink.as_mut(), threads, progress, cancel)?;
     cancel.check()?;
-    let (written, notes) = (sink.info().clone(), sink.notes());
+    let (written, mut notes) = (sink.info().clone(), sink.notes());
+    notes.extend(moved_nodata(job.out_nodata, info, &written));
     let output_bytes = sink.finish()?;
     let run = Figures { threads, ..Figures::since(start, &job.resources) };
     Ok(ConvertReport {
@@ -238,6 +241,16 @@ fn copy_of(
         run,
         ..report(job, &written, &summary)
     })
+}
+
+/// A nodata value that the type of the samples does not have is another one in the file.
+fn moved_nodata(asked: Option<f64>, own: &GridInfo, written: &GridInfo) -> Option<String> {
+    let stays = (own.scale, own.offset) == (written.scale, written.offset);
+    let asked = asked.or(own.nodata.filter(|_| stays))?;
+    let stored = written.nodata?;
+    let is_moved = (asked - stored).abs() > HAIR * asked.abs();
+    let name = written.sample_type.name();
+    is_moved.then(|| format!("voids are {stored}, the {name} nearest to {asked}"))
 }
 
 /// Overviews, one after the other.
@@ -276,6 +289,9 @@ fn report(job: &ConvertJob, info: &GridInfo, summary: &Summary) -> ConvertReport
         ..ConvertReport::default()
     }
 }
+
+/// Nodata values are told in six digits or so.
+const HAIR: f64 = 1e-6;
 
 /// How the job's memory is divided.
 #[derive(Clone, Copy)]

@@ -40,6 +40,7 @@ impl OnGlobe {
             return Err(Error::bad_input("does not say where on the globe it lies")
                 .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
         }
+        info.check_cells()?;
         let mut notes = Vec::new();
         let is_turned = info.transform.b != 0.0 || info.transform.d != 0.0;
         if crs.geographic == Some(true) && !is_turned && is_near(crs, &mut notes) {

@@ -1,9 +1,9 @@
 //! What slopes of a grid are on the ground: its axes, and its units.
 
-use crate::placing::degree_metres;
+use crate::placing::spheroid;
 use crate::tin::vertical_unit;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_base::geom::{Affine, Crs, Rect, Spheroid};
 use terrane_proof::slope::Turn;
 use terrane_raster::GridInfo;
 
@@ -21,21 +21,21 @@ pub(crate) struct Ground {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Across {
     Everywhere(f64),
-    /// As long as a degree is at its latitude.
-    Degrees,
+    /// As long as a degree is at its latitude on the ellipsoid.
+    Degrees(Spheroid),
 }
 
 impl Ground {
     /// Of a grid with a map that has an inverse.
     ///
     /// # Errors
-    /// Heights in a unit whose length is not known, latitudes beyond the poles.
+    /// Heights in a unit whose length is not known, an ellipsoid that is not known, latitudes beyond the poles.
     pub(crate) fn of(info: &GridInfo) -> Result<Self> {
         let mut notes = Vec::new();
-        let across = across(&info.crs, &mut notes);
+        let across = across(&info.crs, &mut notes)?;
         let rise = rise(&info.crs, across, &mut notes)?;
         let map = info.transform;
-        if across == Across::Degrees {
+        if matches!(across, Across::Degrees(_)) {
             check_latitudes(&map, info.bounds())?;
         }
         Ok(Self { map, across, rise, notes })
@@ -54,7 +54,7 @@ impl Ground {
 
     /// Whether it is the same along a row.
     pub(crate) fn is_by_row(&self) -> bool {
-        self.across != Across::Degrees || self.map.d == 0.0
+        !matches!(self.across, Across::Degrees(_)) || self.map.d == 0.0
     }
 
     /// At a place in columns and rows: both slopes in units of height by column and row to those by metre east
@@ -63,7 +63,7 @@ impl Ground {
         let Affine { a, b, d, e, .. } = self.map;
         let [east, north] = match self.across {
             Across::Everywhere(metres) => [metres; 2],
-            Across::Degrees => degree_metres(self.map.apply(col, row)[1]),
+            Across::Degrees(spheroid) => spheroid.degree_metres(self.map.apply(col, row)[1]),
         };
         let whole = self.rise / self.map.determinant();
         let (east, north) = (whole / east, whole / north);
@@ -71,15 +71,15 @@ impl Ground {
     }
 }
 
-fn across(crs: &Crs, notes: &mut Vec<String>) -> Across {
-    match crs.horizontal_metres() {
-        _ if crs.horizontal_unit() == "degree" => Across::Degrees,
-        Some(metres) => Across::Everywhere(metres),
-        None => {
-            notes.push("the unit of x and y is not known, and taken for metres".to_owned());
-            Across::Everywhere(1.0)
-        }
+fn across(crs: &Crs, notes: &mut Vec<String>) -> Result<Across> {
+    if crs.horizontal_unit() == "degree" {
+        let remedy = "pass --scale: how many units of heights a degree is long";
+        return spheroid(crs, notes).map(Across::Degrees).map_err(|e| e.or(remedy));
     }
+    Ok(Across::Everywhere(crs.horizontal_metres().unwrap_or_else(|| {
+        notes.push("the unit of x and y is not known, and taken for metres".to_owned());
+        1.0
+    })))
 }
 
 fn rise(crs: &Crs, across: Across, notes: &mut Vec<String>) -> Result<f64> {
@@ -94,7 +94,7 @@ fn rise(crs: &Crs, across: Across, notes: &mut Vec<String>) -> Result<f64> {
                 .push("the unit of the heights is not known, and taken for that of x and y".into());
             Ok(metres)
         }
-        (None, None, Across::Degrees) => {
+        (None, None, Across::Degrees(_)) => {
             notes.push("the unit of the heights is not known, and taken for metres".to_owned());
             Ok(1.0)
         }

@@ -3,7 +3,7 @@
 //!
 //! The map is affine along each axis, `stored = (position - origin) * scale`: planes stay planes and the
 //! vertical error stays what it is, so that reading undoes it and the proof holds. Degrees become metres
-//! east and north by the radii of curvature of the ellipsoid (WGS 84) at the latitude in the middle; a
+//! east and north by the radii of curvature of the system's ellipsoid at the latitude in the middle; a
 //! plane that touches the ellipsoid there would bend with the distance, and heights with it.
 //!
 //! Heights are rounded as they will be stored, scale and all, before the bound is kept
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::tin::vertical_unit;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Point3};
+use terrane_base::geom::{Crs, Point3, Spheroid};
 use terrane_mesh::MeshFormat;
 
 /// How a mesh is to lie in its file.
@@ -72,9 +72,6 @@ impl Placed {
     }
 }
 
-/// Semi-major axis and squared eccentricity of the ellipsoid of WGS 84.
-const AXIS: f64 = 6_378_137.0;
-const ECCENTRICITY_SQUARED: f64 = 0.006_694_379_990_141_316;
 /// Nearer to a pole than this a degree of longitude is no length to speak of.
 const MOST_LATITUDE: f64 = 89.9;
 
@@ -235,7 +232,10 @@ fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> 
     let mut notes = Vec::new();
     let across = crs.horizontal_unit();
     let [x, y] = match crs.horizontal_metres() {
-        _ if across == "degree" => degree(f64::midpoint(low[1], high[1]))?,
+        _ if across == "degree" => {
+            let spheroid = spheroid(crs, &mut notes).map_err(|e| e.or("write PLY or OBJ"))?;
+            degree(&spheroid, f64::midpoint(low[1], high[1]))?
+        }
         Some(metres) => [metres; 2],
         None => {
             notes.push("the unit of x and y is not known, and taken for metres".to_owned());
@@ -260,22 +260,24 @@ fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> 
     Ok(([x, y, z], notes))
 }
 
+/// The ellipsoid of longitudes and latitudes, with a note where that of the Earth is taken for granted.
+///
+/// # Errors
+/// An ellipsoid that the system tells in a way not known here.
+pub(crate) fn spheroid(crs: &Crs, notes: &mut Vec<String>) -> Result<Spheroid> {
+    Ok(crs.spheroid()?.unwrap_or_else(|| {
+        notes.push("the ellipsoid is not known, and taken for that of WGS 84".to_owned());
+        Spheroid::WGS84
+    }))
+}
+
 /// Metres of a degree of longitude and of one of latitude.
-fn degree(latitude: f64) -> Result<[f64; 2]> {
+fn degree(spheroid: &Spheroid, latitude: f64) -> Result<[f64; 2]> {
     if latitude.abs() > MOST_LATITUDE || !latitude.is_finite() {
         return Err(Error::usage(format!("degrees at latitude {latitude} are no lengths"))
             .remedy("pass --keep-degrees, or reproject the data"));
     }
-    Ok(degree_metres(latitude))
-}
-
-/// The same at any latitude, on the ellipsoid (WGS 84); 0 for longitudes at a pole.
-pub(crate) fn degree_metres(latitude: f64) -> [f64; 2] {
-    let (sine, cosine) = latitude.to_radians().sin_cos();
-    let bulge = 1.0 - ECCENTRICITY_SQUARED * sine * sine;
-    let across = AXIS / bulge.sqrt() * cosine;
-    let along = AXIS * (1.0 - ECCENTRICITY_SQUARED) / (bulge * bulge.sqrt());
-    [across, along].map(f64::to_radians)
+    Ok(spheroid.degree_metres(latitude))
 }
 
 /// To seven digits: enough for any model, and few enough for the header of an STL.
@@ -311,9 +313,10 @@ mod tests {
             let cosine = |times: f64| (times * latitude.to_radians()).cos();
             let across = 111_412.84 * cosine(1.0) - 93.5 * cosine(3.0) + 0.118 * cosine(5.0);
             let along = 111_132.92 - 559.82 * cosine(2.0) + 1.175 * cosine(4.0);
-            let [x, y] = degree(latitude).unwrap();
+            let [x, y] = degree(&Spheroid::WGS84, latitude).unwrap();
             assert!((x - across).abs() < 0.1 && (y - along).abs() < 0.1, "{latitude}: {x} {y}");
         }
+        let degree = |latitude| degree(&Spheroid::WGS84, latitude);
         assert!(degree(90.0).is_err() && degree(f64::NAN).is_err());
     }
 

@@ -1,20 +1,29 @@
 //! Derivatives of a grid (slope, aspect, hillshade and others) as grids: a grid in front of the one that is read, which
-//! is copied as any other. So they have any size, format and number of threads, and the same bytes.
+//! is copied as any other. So they have any size, format and number of threads, and the same bytes. In a PNG they are a
+//! picture in grays.
+
+mod toned;
 
 use std::sync::Arc;
 
+use crate::colours::range;
 use crate::convert::{self, ConvertJob, ConvertReport, Front};
 use crate::ground::Ground;
 use crate::{Cancel, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_raster::{GridInfo, GridSource, SampleType};
+use terrane_raster::{GridInfo, GridSource, SampleType, write};
 use terrane_relief::{Derivative, Turn};
+use toned::Toned;
 
 /// Columns and rows that are looked at together.
 const PIECE: [u32; 2] = [512, 64];
 /// What stands for no value, where values are any numbers.
 const NODATA: f64 = -9999.0;
+
+/// The option of a PNG that says how heights are held, and its value for a picture.
+const ENCODING: &str = "ENCODING";
+const GRAY: &str = "GRAY";
 
 /// A derivative to be written.
 #[derive(Clone)]
@@ -33,10 +42,17 @@ pub struct ReliefJob {
 /// Samples with less than eight valid neighbours are void, unless `edges`: then what is beyond the grid is on the line
 /// through the two samples inside, and voids are as high as the sample.
 ///
+/// A PNG is a picture unless an option of the format says how it packs heights: bytes are grays as they are, and numbers
+/// are grays of 16 bits, from the least to the greatest value that there can be, or else that there is; the grid is read
+/// twice then.
+///
 /// # Errors
-/// Those of [`convert::run`]; units of heights whose length is not known, and degrees beyond a pole.
+/// Those of [`convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
 pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    convert::run_of(&job.copy, 0, progress, cancel, |inner| {
+    let picture = picture(&job.copy)?;
+    let copy = picture.as_ref().unwrap_or(&job.copy);
+    let is_toned = picture.is_some() && !job.derivative.is_byte();
+    let report = convert::run_of(copy, 0, progress, cancel, |inner| {
         let info = inner.info();
         let ground = match job.scale {
             Some(scale) => Ground::scaled(info, scale),
@@ -54,10 +70,34 @@ pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
             false => info.crs.clone(),
         };
         let info = GridInfo { sample_type, nodata, crs, scale: 1.0, offset: 0.0, ..info.clone() };
-        let (derivative, notes) = (Arc::clone(&job.derivative), ground.notes());
-        let derived = Derived { info, inner, derivative, ground, edges: job.edges };
-        Ok(Front::of(Box::new(derived), notes))
-    })
+        let (derivative, mut notes) = (Arc::clone(&job.derivative), ground.notes());
+        let derived = Box::new(Derived { info, inner, derivative, ground, edges: job.edges });
+        if !is_toned {
+            return Ok(Front::of(derived, notes));
+        }
+        let known = job.derivative.range();
+        let range = known.map_or_else(|| range(derived.as_ref(), progress, cancel), Ok)?;
+        let toned = Toned::new(derived, range);
+        notes.push(toned.note());
+        Ok(Front::of(Box::new(toned), notes))
+    })?;
+    // Grays of values tell nothing of them.
+    let told = |value: Option<f64>| value.filter(|_| !is_toned);
+    Ok(ConvertReport { lowest: told(report.lowest), highest: told(report.highest), ..report })
+}
+
+/// The job of a picture, where the format is one and nothing says how it is to pack heights.
+fn picture(copy: &ConvertJob) -> Result<Option<ConvertJob>> {
+    let format = write::by_path(&copy.output, copy.format.as_deref())?;
+    let given = copy.creation.iter().find(|(key, _)| key.eq_ignore_ascii_case(ENCODING));
+    if !format.is_picture() || given.is_some_and(|(_, value)| !value.eq_ignore_ascii_case(GRAY)) {
+        return Ok(None);
+    }
+    let mut picture = copy.clone();
+    if given.is_none() {
+        picture.creation.push((ENCODING.to_owned(), GRAY.to_owned()));
+    }
+    Ok(Some(picture))
 }
 
 /// A grid of derivatives.

@@ -87,7 +87,7 @@ pub use clip::{Areas, Clip, ClipRings};
 pub use held::HeldGrid;
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
-pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
+pub use notes::{NOTE_KINDS, Note, cautions, no_terrain, notes, notes_on_heights, terrain};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::registry::Named;
@@ -217,6 +217,23 @@ impl GridInfo {
     /// The rectangle of all samples.
     pub fn bounds(&self) -> Rect {
         Rect::new(0, 0, self.width, self.height)
+    }
+
+    /// Fails where cells are so small that doubles do not hold the positions of samples.
+    ///
+    /// # Errors
+    /// Unsupported: positions would be off their samples by more than a thousandth of a cell.
+    pub fn check_cells(&self) -> Result<()> {
+        let Affine { x0, a, b, y0, d, e } = self.transform;
+        if self.transform.resolves(self.width, self.height) {
+            return Ok(());
+        }
+        let [width, height] = [a.hypot(d), b.hypot(e)];
+        Err(Error::unsupported(format!(
+            "cells of {width:e} x {height:e} are too small for positions near {x0}, {y0}: doubles do not tell \
+             them apart"
+        ))
+        .remedy("place the grid nearer to 0: gdal_edit.py -a_ullr WEST NORTH EAST SOUTH FILE"))
     }
 
     /// True when every height this grid can hold is exactly an `f32`, so that

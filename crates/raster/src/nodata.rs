@@ -7,6 +7,12 @@ const USUAL: [f64; 5] = [-9999.0, -32_767.0, -32_768.0, -99_999.0, -999_999.0];
 /// Floats below this are the lowest of their type, or meant to be.
 const ABSURD: f64 = -1e30;
 
+/// True for a stored value that can be no height of a sample: such a value is taken for a void in files that
+/// declare none, where others of a mosaic declare it.
+pub(crate) fn is_no_height(stored: f64) -> bool {
+    !stored.is_finite() || stored.abs() > -ABSURD || USUAL.contains(&stored)
+}
+
 /// The stored value to pass as `--nodata` when `lowest`, the lowest valid height of a grid or of a
 /// part of it, looks like a nodata value that the file does not declare. Exact for grids with scale
 /// and offset too, as long as the scale is positive.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::{GridInfo, SampleType, undeclared_nodata};
-use terrane_base::geom::Crs;
+use terrane_base::geom::{Crs, Heights};
 
 /// Something to know about a grid.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -32,22 +32,36 @@ const CHECKS: &[(&str, Check)] = &[
     ("several bands", several_bands),
     ("scaled", scaled),
     ("impossible nodata", impossible_nodata),
+    ("nodata values differ", nodata_values_differ),
+    ("masks", masks),
+    ("cells too small", cells_too_small),
     ("thin strips", thin_strips),
 ];
+/// Those of them that tell of samples whose heights others see otherwise.
+const CAUTIONS: [&str; 3] = ["impossible nodata", "nodata values differ", "masks"];
+
+/// Facts of a grid: a mask that makes samples void, and how many sources of a virtual raster have one that
+/// it does not use.
+pub(crate) const MASK: &str = "mask";
+/// The nodata values of the files of a mosaic, where they differ.
+pub(crate) const NODATA_VALUES: &str = "nodata of the files";
+pub(crate) const UNUSED_MASKS: &str = "sources with masks";
 
 /// What heights tell, once they are read.
 const UNDECLARED: &str = "undeclared nodata";
 const VOIDS: &str = "voids";
+const NO_TERRAIN: &str = "no terrain";
 
 /// All kinds of notes there are.
-pub const NOTE_KINDS: [&str; CHECKS.len() + 2] = {
-    let mut kinds = [UNDECLARED; CHECKS.len() + 2];
+pub const NOTE_KINDS: [&str; CHECKS.len() + 3] = {
+    let mut kinds = [UNDECLARED; CHECKS.len() + 3];
     let mut i = 0;
     while i < CHECKS.len() {
         kinds[i] = CHECKS[i].0;
         i += 1;
     }
     kinds[i] = VOIDS;
+    kinds[i + 1] = NO_TERRAIN;
     kinds
 };
 
@@ -57,12 +71,62 @@ pub fn notes(info: &GridInfo) -> Vec<Note> {
     answers.filter_map(|(kind, text)| Some(Note { kind, text: text? })).collect()
 }
 
-/// Notes on the heights of a grid of `samples` samples, `valid` of which are not void. `suspects`
-/// is a stored value that looks like nodata and is not declared, and how many samples have it.
-pub fn notes_on_heights(samples: u64, valid: u64, suspects: Option<(f64, u64)>) -> Vec<Note> {
+/// The notes on samples whose heights others see otherwise, for reports of what is made of them.
+pub fn cautions(info: &GridInfo) -> Vec<String> {
+    let told = notes(info).into_iter().filter(|note| CAUTIONS.contains(&note.kind));
+    told.map(|note| note.text).collect()
+}
+
+/// Notes on the heights of a grid of `samples` samples, `valid` of which are not void and lie within a
+/// range. `suspects` is a stored value that looks like nodata and is not declared, and how many samples
+/// have it.
+pub fn notes_on_heights(
+    info: &GridInfo,
+    (samples, valid): (u64, u64),
+    range: Option<[f64; 2]>,
+    suspects: Option<(f64, u64)>,
+) -> Vec<Note> {
     let undeclared = suspects.map(|(stored, count)| undeclared_nodata(count, stored));
-    let answers = [(UNDECLARED, undeclared), (VOIDS, voids(samples, valid))];
+    let odd = range.filter(|_| suspects.is_none()).and_then(|range| no_terrain(info, range));
+    let answers = [(UNDECLARED, undeclared), (VOIDS, voids(samples, valid)), (NO_TERRAIN, odd)];
     answers.into_iter().filter_map(|(kind, text)| Some(Note { kind, text: text? })).collect()
+}
+
+/// Heights of terrain on Earth in metres, with some room: from the deepest trench to the highest summit.
+const TERRAIN: [f64; 2] = [-12_000.0, 9_000.0];
+
+/// The lowest and highest height that terrain may have, in the unit of the grid; all where that is not
+/// known, or where the grid is of another body than the Earth.
+pub fn terrain(info: &GridInfo) -> [f64; 2] {
+    const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+    let is_elsewhere =
+        !info.crs.spheroid().is_ok_and(|own| own.is_none_or(|own| own.is_of_earth()));
+    let metres = match (info.crs.vertical_metres(), heights_unit(info)) {
+        (None, Some(_)) => return ALL,
+        (metres, _) => metres.unwrap_or(1.0),
+    };
+    match info.crs.heights() {
+        _ if is_elsewhere => ALL,
+        Heights::Above { is_down: true, .. } => [-TERRAIN[1], -TERRAIN[0]].map(|z| z / metres),
+        _ => TERRAIN.map(|z| z / metres),
+    }
+}
+
+/// What is to be said of a grid with heights in this range, some of which no terrain has.
+pub fn no_terrain(info: &GridInfo, [lowest, highest]: [f64; 2]) -> Option<String> {
+    let [least, most] = terrain(info);
+    if lowest >= least && highest <= most {
+        return None;
+    }
+    let packed = info.details.iter().find(|(name, _)| name == "heights");
+    let remedy = match packed.map(|(_, packing)| packing.as_str()) {
+        Some("terrain-RGB") => "if the picture is terrarium, name it as terrarium:FILE",
+        Some("terrarium") => "if the picture is terrain-RGB, name it as terrain-rgb:FILE",
+        _ => "check the unit of heights, scale and offset, and --nodata",
+    };
+    Some(format!(
+        "heights reach from {lowest} to {highest}, beyond those of terrain on Earth ({least} to {most}); {remedy}"
+    ))
 }
 
 fn voids(samples: u64, valid: u64) -> Option<String> {
@@ -189,11 +253,43 @@ fn can_hold(kind: SampleType, value: f64) -> bool {
         SampleType::U16 => whole(0.0, u16::MAX.into()),
         SampleType::I32 => whole(i32::MIN.into(), i32::MAX.into()),
         SampleType::U32 => whole(0.0, u32::MAX.into()),
-        SampleType::F16 => !value.is_finite() || value.abs() <= 65_520.0,
-        // Text of the lowest float is often rounded beyond it.
-        SampleType::F32 => !value.is_finite() || value.abs() <= f64::from(f32::MAX) * 1.000_001,
-        SampleType::F64 => true,
+        // The nearest float is meant: text of the lowest one is often beyond it.
+        SampleType::F16 | SampleType::F32 | SampleType::F64 => true,
     }
+}
+
+fn nodata_values_differ(info: &GridInfo) -> Option<String> {
+    let (_, values) = info.details.iter().find(|(name, _)| name == NODATA_VALUES)?;
+    let text =
+        "files declare different nodata values, each of which makes samples of its own file void";
+    Some(format!("{text}: {values}"))
+}
+
+/// A mask of the file, and the nodata value beside it; masks of files that a virtual raster does not use.
+fn masks(info: &GridInfo) -> Option<String> {
+    let named = |kind: &str| {
+        let own = info.details.iter().filter(|(name, _)| name == kind);
+        own.map(|(_, value)| value.as_str()).collect::<Vec<_>>()
+    };
+    let (own, unused) = (named(MASK), named(UNUSED_MASKS));
+    if let [count, ..] = unused[..] {
+        return Some(format!(
+            "sources with masks that the VRT does not use: {count}; their masked samples are void, and GDAL reads \
+             heights there"
+        ));
+    }
+    (info.nodata.is_some() && !own.is_empty()).then(|| {
+        format!(
+            "samples are void by the nodata value or by a mask ({}): GDAL goes by one of them",
+            own.join(", ")
+        )
+    })
+}
+
+fn cells_too_small(info: &GridInfo) -> Option<String> {
+    let text =
+        "cells are too small for positions in doubles at their place: no mesh or line can be made";
+    info.check_cells().is_err().then(|| text.to_owned())
 }
 
 /// Columns from which strips are long, and rows below which they are thin.
@@ -217,7 +313,7 @@ fn thin_strips(info: &GridInfo) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_base::geom::Affine;
+    use terrane_base::geom::{Affine, wkt};
 
     /// A grid without anything to tell of.
     fn plain() -> GridInfo {
@@ -255,6 +351,10 @@ mod tests {
     fn odd_grids() -> Vec<(&'static str, GridInfo, &'static str)> {
         let unplaced = GridInfo { georeferenced: false, transform: Affine::LATTICE, ..plain() };
         let scaled = GridInfo { scale: 0.001, offset: 5.0, ..plain() };
+        let values = vec![(NODATA_VALUES.to_owned(), "0, -1".to_owned())];
+        let differing = GridInfo { details: values, ..plain() };
+        let mask = vec![(MASK.to_owned(), "internal".to_owned())];
+        let masked = GridInfo { nodata: Some(0.0), details: mask, ..plain() };
         let degrees = |crs: &mut Crs| (crs.epsg, crs.geographic) = (Some(4326), Some(true));
         vec![
             ("unplaced", unplaced, "columns and rows"),
@@ -270,6 +370,9 @@ mod tests {
             ("several bands", GridInfo { bands: 3, band: 2, ..plain() }, "3 bands; band 2 is"),
             ("scaled", scaled, "int16 x 0.001 + 5;"),
             ("impossible nodata", GridInfo { nodata: Some(-99_999.0), ..plain() }, "no int16"),
+            ("nodata values differ", differing, "void: 0, -1"),
+            ("masks", masked, "nodata value or by a mask (internal)"),
+            ("cells too small", turned([1e-9, 0.0, 0.0, -1e-9]), "too small"),
             ("thin strips", with_block((20_000, 1), "LZW"), "strips of 1 row across 20000"),
         ]
     }
@@ -308,14 +411,44 @@ mod tests {
 
     #[test]
     fn heights_tell_of_voids_and_undeclared_nodata() {
-        assert_eq!(notes_on_heights(100, 100, None), []);
-        let told = notes_on_heights(200, 150, Some((-32_767.0, 7)));
-        let kinds: Vec<_> = told.iter().map(|note| note.kind).collect();
+        let info = plain();
+        let told = |counts, suspects| notes_on_heights(&info, counts, Some([0.0, 9.0]), suspects);
+        assert_eq!(told((100, 100), None), []);
+        let both = told((200, 150), Some((-32_767.0, 7)));
+        let kinds: Vec<_> = both.iter().map(|note| note.kind).collect();
         assert_eq!(kinds, [UNDECLARED, VOIDS]);
-        assert!(told[0].text.starts_with("7 samples are -32767,"));
-        assert!(told[1].text.starts_with("50 samples are void, 25.00 %"), "{told:?}");
-        assert!(notes_on_heights(9, 0, None)[0].text.contains("no surface"));
-        assert_eq!(NOTE_KINDS.len(), CHECKS.len() + 2);
+        assert!(both[0].text.starts_with("7 samples are -32767,"));
+        assert!(both[1].text.starts_with("50 samples are void, 25.00 %"), "{both:?}");
+        assert!(told((9, 0), None)[0].text.contains("no surface"));
+        assert_eq!(NOTE_KINDS.len(), CHECKS.len() + 3);
         assert!(NOTE_KINDS.contains(&VOIDS) && NOTE_KINDS.contains(&"thin strips"));
+    }
+
+    #[test]
+    fn heights_of_no_terrain_are_told_on_earth_in_any_unit() {
+        let in_unit = |unit: &str| with_crs(|crs| crs.vertical_unit = Some(unit.to_owned()));
+        let depths = GridInfo { crs: wkt::of_srs("EPSG:4326+5715"), ..plain() };
+        let moon = r#"GEOGCS["m",DATUM["m",SPHEROID["m",1737400,0]],PRIMEM["r",0],UNIT["degree",0.0174532925199433]]"#;
+        let moon = GridInfo { crs: wkt::from_text(moon), ..plain() };
+        let packing = |name: &str| GridInfo {
+            details: vec![("heights".to_owned(), name.to_owned())],
+            ..plain()
+        };
+        for (info, range, word) in [
+            (plain(), [-10_994.0, 8849.0], None),
+            (plain(), [0.0, 9001.0], Some("check the unit")),
+            (plain(), [-12_001.0, 5.0], Some("-12001")),
+            (in_unit("foot"), [0.0, 29_035.0], None),
+            (in_unit("foot"), [0.0, 39_000.0], Some("39000")),
+            (in_unit("hectopascal"), [0.0, 1e6], None),
+            (depths, [-8000.0, 11_000.0], None),
+            (moon, [-9000.0, 10_786.0], None),
+            (packing("terrain-RGB"), [833_985.0, 872_376.0], Some("terrarium:FILE")),
+            (packing("terrarium"), [-32_338.0, -32_000.0], Some("terrain-rgb:FILE")),
+        ] {
+            let told = no_terrain(&info, range);
+            assert_eq!(told.is_some(), word.is_some(), "{range:?} {told:?}");
+            assert!(word.is_none_or(|word| told.unwrap().contains(word)), "{range:?}");
+        }
     }
 }

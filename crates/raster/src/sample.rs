@@ -174,8 +174,8 @@ impl Stored<2> for f16 {
     }
 
     fn nodata_range(nodata: f64) -> Option<(f16, f16)> {
-        let stored = f16::from_f64(nodata);
-        stored.is_finite().then_some((stored, stored))
+        let stored = f16::from_f64(nodata).clamp(f16::MIN, f16::MAX);
+        nodata.is_finite().then_some((stored, stored))
     }
 }
 
@@ -207,9 +207,9 @@ impl Stored<4> for f32 {
     }
 
     fn nodata_range(nodata: f64) -> Option<(f32, f32)> {
-        let stored = f64::from(nodata as f32);
+        let stored = f64::from(narrow(nodata));
         let slack = NODATA_SLACK * f64::from(f32::EPSILON) * stored.abs();
-        stored.is_finite().then(|| (narrow(stored - slack), narrow(stored + slack)))
+        nodata.is_finite().then(|| (narrow(stored - slack), narrow(stored + slack)))
     }
 }
 

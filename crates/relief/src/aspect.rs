@@ -22,4 +22,8 @@ impl Derivative for Aspect {
         // A hair west of north is north once it is rounded; and so is zero of either sign.
         if angle as f32 >= 360.0 { 0.0 } else { angle + 0.0 }
     }
+
+    fn range(&self) -> Option<[f64; 2]> {
+        Some([0.0, 360.0])
+    }
 }

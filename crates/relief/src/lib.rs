@@ -51,6 +51,11 @@ pub trait Derivative: Send + Sync {
         false
     }
 
+    /// The least and the greatest value there can be, where that is known.
+    fn range(&self) -> Option<[f64; 2]> {
+        None
+    }
+
     /// Whether it depends on how far samples are from each other.
     fn is_of_slopes(&self) -> bool {
         true

@@ -17,4 +17,8 @@ impl Derivative for Slope {
         let steep = (east * east + north * north).sqrt();
         if self.is_percent { steep * 100.0 } else { steep.atan().to_degrees() }
     }
+
+    fn range(&self) -> Option<[f64; 2]> {
+        (!self.is_percent).then_some([0.0, 90.0])
+    }
 }

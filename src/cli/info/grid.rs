@@ -121,7 +121,8 @@ fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<Note> {
     let samples = u64::from(info.width) * u64::from(info.height);
     let on_heights = stats.map(|stats| {
         let suspects = stats.suspected_nodata.map(|stored| (stored, stats.at_min));
-        notes_on_heights(samples, stats.valid, suspects)
+        let range = stats.min.zip(stats.max).map(|(low, high)| [low, high]);
+        notes_on_heights(info, (samples, stats.valid), range, suspects)
     });
     notes(info).into_iter().chain(on_heights.into_iter().flatten()).collect()
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::atomic;
 use crate::cli::shared::pipes;
-use crate::error::{Error, ErrorKind, Result, all};
+use crate::error::{Error, ErrorKind, Result, all, is_address};
 use crate::files::is_made;
 use crate::files::{companions, path_of};
 use crate::raster;
@@ -25,9 +25,10 @@ pub(crate) fn input(input: &str) -> Result<()> {
     }
     Err(match std::fs::metadata(path) {
         Ok(_) => Error::bad_input("is not a regular file").in_file(path).remedy("name a file"),
-        Err(e) if is_nowhere(e.kind()) => Error::bad_input("no such file")
-            .in_file(path)
-            .remedy("check the name, or use a synthetic terrain such as synth:rough,size=2049"),
+        Err(e) if is_nowhere(e.kind()) && is_address(path) => Error::missing(path),
+        Err(e) if is_nowhere(e.kind()) => {
+            Error::missing(path).or("use a synthetic terrain such as synth:rough,size=2049")
+        }
         Err(e) => Error::read(path, e),
     })
 }
@@ -45,12 +46,23 @@ pub(crate) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
         return Err(Error::usage("is a folder").in_file(path).remedy("name a file in it"));
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    refuse_address(path)?;
     if folder.is_some_and(|p| !p.is_dir()) {
         return Err(Error::new(ErrorKind::CannotWrite, "its folder does not exist")
             .in_file(path)
             .remedy("make the folder first"));
     }
     Ok(())
+}
+
+/// Fails for an address, to which nothing is written.
+fn refuse_address(path: &Path) -> Result<()> {
+    if path.exists() || !is_address(path) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::CannotWrite, "addresses are not written")
+        .in_file(path)
+        .remedy("name a file or folder of this machine"))
 }
 
 /// Fails when `path` cannot become a folder: a file is there.
@@ -60,7 +72,7 @@ pub(crate) fn folder(path: &Path) -> Result<()> {
             .in_file(path)
             .remedy("name a folder, which need not exist"));
     }
-    Ok(())
+    refuse_address(path)
 }
 
 /// Fails when one of `outputs` is one of the files that `inputs` stand for, or another output.

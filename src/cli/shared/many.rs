@@ -92,7 +92,7 @@ fn is_there(file: &str) -> Result<()> {
     if is_made(file) || path.exists() {
         return Ok(());
     }
-    Err(Error::bad_input("no such file").in_file(&path).remedy("check the name"))
+    Err(Error::missing(&path))
 }
 
 impl Many {

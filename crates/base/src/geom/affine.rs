@@ -60,6 +60,20 @@ impl Affine {
         all.iter().all(|v| v.is_finite()) && self.determinant() != 0.0
     }
 
+    /// Whether doubles hold the positions of all samples of a grid of this size to a thousandth of a cell.
+    pub fn resolves(&self, width: u32, height: u32) -> bool {
+        let ends = |side: u32| [0.0, f64::from(side)];
+        let corners = ends(width).into_iter().flat_map(|col| ends(height).map(|row| [col, row]));
+        let steps =
+            corners.map(|[col, row]| self.apply(col, row).map(|v| v.abs().next_up() - v.abs()));
+        let [x, y] =
+            steps.fold([0.0, 0.0], |[x, y], step: [f64; 2]| [step[0].max(x), step[1].max(y)]);
+        let area = self.determinant().abs();
+        let columns = (self.e.abs() * x + self.b.abs() * y) / area;
+        let rows = (self.d.abs() * x + self.a.abs() * y) / area;
+        columns.max(rows) <= 1e-3
+    }
+
     /// The map of the window whose sample (0, 0) is sample (`col`, `row`) of this grid.
     pub fn shifted(&self, col: f64, row: f64) -> Self {
         let [x0, y0] = self.apply(col, row);
@@ -70,6 +84,28 @@ impl Affine {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cells_are_resolved_where_doubles_tell_their_thousandths_apart() {
+        let at = |x0: f64, cell: f64| Affine { x0, a: cell, b: 0.0, y0: x0, d: 0.0, e: -cell };
+        for (x0, cell, is_resolved) in [
+            (5e6, 1e-12, false),
+            (5e6, 2e-9, false),
+            (5e6, 1e-6, true),
+            (5e6, 0.01, true),
+            (0.0, 1e-12, true),
+            (180.0, 5e-6, true),
+            (180.0, 1e-12, false),
+            (1e300, 30.0, false),
+        ] {
+            assert_eq!(at(x0, cell).resolves(90, 90), is_resolved, "{x0} {cell}");
+        }
+        let turned = Affine { a: 1e-9, b: 1e-9, d: -1e-9, e: 1e-9, ..at(5e6, 1.0) };
+        assert!(!turned.resolves(9, 9) && Affine::LATTICE.resolves(u32::MAX, u32::MAX));
+        // A side that is long hides none that is short.
+        let flat = Affine { e: -1e-9, ..at(5e6, 1000.0) };
+        assert!(!flat.resolves(9, 9));
+    }
 
     #[test]
     fn gdal_round_trip_and_inverse() {

@@ -10,6 +10,7 @@ pub mod predicates;
 mod rect;
 mod rounding;
 mod ruler;
+mod spheroid;
 #[cfg(test)]
 mod tests;
 
@@ -21,6 +22,7 @@ pub use point::{Apart, Frame, Point, REACH, is_within};
 pub use rect::Rect;
 pub use rounding::Rounding;
 pub use ruler::Ruler;
+pub use spheroid::Spheroid;
 
 /// A point in world coordinates: x, y in units of the CRS, z in the vertical unit of the data.
 pub type Point3 = [f64; 3];

@@ -256,6 +256,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     fn new(job: &'a ContourJob, info: &GridInfo) -> Result<Self> {
+        info.check_cells().map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
         Ok(Self {
             job,
             format: job.check()?,
@@ -324,6 +325,7 @@ impl<'a> Work<'a> {
         let writer = write::Writer { job, format, levels, info, most };
         let mut made = writer.write(pieces, sink, progress, cancel)?;
         let operation = self.operation.as_deref();
+        made.notes.extend(raster::cautions(info));
         made.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
         let run = Figures {
             threads: self.budget.threads,

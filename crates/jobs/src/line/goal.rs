@@ -81,6 +81,11 @@ pub(crate) fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(Mea
     match crs.horizontal_unit() {
         "degree" if is_space => Err(Error::unsupported("heights beside longitudes in degrees")
             .remedy("leave out --metric 3d, or bring the data into a projected system")),
+        "degree" if !crs.spheroid()?.is_none_or(|own| own.is_of_earth()) => {
+            let what =
+                "lengths in metres over longitudes and latitudes of another body than the Earth";
+            Err(Error::unsupported(what).remedy("pass --tolerance as a plain number, in degrees"))
+        }
         "degree" => Ok((Measure::Geographic, length.value * metres)),
         _ => Err(Error::usage("the data name no unit that metres could be told in")
             .remedy("pass --tolerance as a plain number, in units of the data")),

@@ -52,7 +52,7 @@ pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::refuse_held;
-use terrane_raster::{GridSource, Inputs, Water, looks_like_nodata};
+use terrane_raster::{self as raster, GridSource, Inputs, Water, looks_like_nodata};
 use terrane_tiles::{DEEPEST, Gathered, Level, Overview, TileId, deepest_for, in_shorts};
 use work::Tiles;
 
@@ -338,7 +338,12 @@ impl<'a> Ground<'a> {
         let of_nodata = self.suspect().map(|stored| {
             format!("the lowest height, {stored:e}, looks like an undeclared nodata value")
         });
-        self.opened.heights.notes.iter().cloned().chain(of_nodata).collect()
+        let info = self.opened.grid.info();
+        let metres = self.opened.heights.lift.metres;
+        let [a, b] = self.overview.range.map(|height| height / metres);
+        let odd = raster::no_terrain(info, [a.min(b), a.max(b)]).filter(|_| of_nodata.is_none());
+        let of_grid = raster::cautions(info).into_iter().chain(odd);
+        self.opened.heights.notes.iter().cloned().chain(of_nodata).chain(of_grid).collect()
     }
 
     /// An error of heights that may be one of nodata.

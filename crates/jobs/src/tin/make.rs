@@ -32,7 +32,9 @@ use terrane_mesh::{
     self as mesh, Channel, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use terrane_methods::Triangulation;
-use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions, Water, WaterReport};
+use terrane_raster::{
+    self as raster, GridInfo, GridSource, Inputs, OpenOptions, Water, WaterReport,
+};
 use terrane_tin::Spec;
 
 /// Runs a job from file to file.
@@ -98,13 +100,14 @@ impl Opened {
     ) -> Result<Self> {
         let format = mesh::by_path(&job.output, job.format.as_deref())?;
         let (source, shares) = open()?;
+        source.info().check_cells().map_err(|error| in_input(error, &job.input))?;
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
         let frame = Frame::new(info, job, format)?;
         let (placed, mut notes) =
             job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
-        notes.extend(frame.notes());
+        notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
         let (kept, carried) = (Kept::default(), Carried::default());
         let spec = job.refinement.spec(&info.transform)?;
         let water = None;
@@ -397,7 +400,9 @@ impl Maker<'_> {
         let water = self.opened.water.as_ref().and_then(|water| water.report());
         let rising = water.iter().flat_map(WaterReport::notes);
         let notes = self.opened.notes.iter().cloned().chain(self.opened.frame.crs.lost_in_wkt());
-        let notes = notes.chain(rising).collect();
+        let odd = outcome.odd_range.filter(|_| outcome.suspects.is_none());
+        let odd = odd.and_then(|range| raster::no_terrain(info, range));
+        let notes = notes.chain(rising).chain(odd).collect();
         Ok(TinReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),

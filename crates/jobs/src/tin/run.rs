@@ -67,6 +67,8 @@ pub struct Outcome {
     pub apart: Flaws,
     /// Samples that look like undeclared nodata: the value as stored, and how many.
     pub suspects: Option<(f64, u64)>,
+    /// The lowest and highest height of parts with some that may be of no land.
+    pub odd_range: Option<[f64; 2]>,
     /// Largest error of any sample (0 unless measured).
     pub max_error: f64,
     /// Sum of squared errors of all samples on the surface (0 unless measured).
@@ -245,7 +247,7 @@ fn write_parts(
 fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
     let (totals, writing) = writer.totals();
     let tolerance = shared.settings.spec.tolerance;
-    let Tally { valid, isolated, suspects, kept, thin, apart } = unlocked(shared.tally);
+    let Tally { valid, isolated, suspects, odd_range, kept, thin, apart } = unlocked(shared.tally);
     shared.queue.into_result()?;
     check_surface(valid, totals)?;
     clock.add_time(Stage::Write, writing);
@@ -258,6 +260,7 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
         thin,
         apart,
         suspects,
+        odd_range,
         // It was rounded up, and all samples are known to be within.
         max_error: f64::from(totals.max_error).min(tolerance),
         square_sum: totals.square_sum,

@@ -11,6 +11,9 @@ pub(super) struct Tally {
     pub(super) isolated: u64,
     /// Samples that look like undeclared nodata: the lowest such value as stored, and how many.
     pub(super) suspects: Option<(f64, u64)>,
+    /// The lowest and highest height of parts with some that may be of no land.
+    #[serde(default)]
+    pub(super) odd_range: Option<[f64; 2]>,
     /// Samples to keep that are vertices. Known once the mesh is written, so it is no part of saved tallies.
     #[serde(skip)]
     pub(super) kept: u64,
@@ -51,6 +54,8 @@ impl Tally {
         self.kept += other.kept;
         self.thin.add(other.thin);
         self.apart.add(other.apart);
+        let ranges = self.odd_range.into_iter().chain(other.odd_range);
+        self.odd_range = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         self.suspects = match (self.suspects, other.suspects) {
             (Some((a, few)), Some((b, more))) if a == b => Some((a, few + more)),
             (Some(a), Some(b)) => Some(if a.0 < b.0 { a } else { b }),
@@ -69,10 +74,21 @@ mod tests {
         for suspects in
             [Some((-99.0, 5)), None, Some((-9999.0, 2)), Some((-9999.0, 1)), Some((-99.0, 7))]
         {
-            all.add(Tally { valid: 10, isolated: 1, suspects, kept: 2, ..Tally::default() });
+            let odd_range = suspects.map(|(low, count)| [low, count as f64]);
+            let kept = 2;
+            all.add(Tally {
+                valid: 10,
+                isolated: 1,
+                suspects,
+                odd_range,
+                kept,
+                ..Tally::default()
+            });
         }
         let suspects = Some((-9999.0, 3));
-        let expected = Tally { valid: 50, isolated: 5, suspects, kept: 10, ..Tally::default() };
+        let odd_range = Some([-9999.0, 7.0]);
+        let all_of_them = Tally { valid: 50, isolated: 5, kept: 10, ..Tally::default() };
+        let expected = Tally { suspects, odd_range, ..all_of_them };
         assert_eq!(all, expected);
     }
 

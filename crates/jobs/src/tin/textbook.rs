@@ -127,7 +127,7 @@ fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {
     let heights = stages.time(maker, "read", || read(maker, &mut window))?;
     let info = maker.opened.source.info();
     let whole = Rect::new(0, 0, info.width, info.height);
-    let suspects = window.suspects(whole, info);
+    let (suspects, odd_range) = (window.suspects(whole, info), window.odd_range());
     drop(window);
     let grid = Grid::new(info.width, info.height, &heights, maker.opened.rounding())?;
     let tin = stages.time(maker, "method", || triangulate(maker, by, grid))?;
@@ -142,7 +142,8 @@ fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {
         let output_bytes = stages.time(maker, "write", || {
             write(mesh, position, |_| std::iter::empty(), sink, is_mirrored)
         })?;
-        Ok(Outcome { suspects, output_bytes, stages: stages.0, ..outcome(&tin) })
+        let known = Outcome { suspects, odd_range, ..outcome(&tin) };
+        Ok(Outcome { output_bytes, stages: stages.0, ..known })
     };
     let report = maker.complete(stated(maker.job.goal, by.method, &tin), 0, write)?;
     let triangulation = by.method.takes_triangulation.then(|| by.triangulation.to_string());

@@ -6,8 +6,9 @@ use terrane_base::limits::MAX_HEIGHT;
 use terrane_raster::{GridInfo, GridSource, looks_like_nodata};
 use terrane_tin::{Heights, Spec};
 
-/// Nodata values in use are below this, and no land is: only below it the lowest height is sought.
-const LOWEST_LAND: f32 = -900.0;
+/// Nodata values in use are below the first, and no land is; hardly any land is above the second: only beyond
+/// them the lowest and the highest height are sought.
+const LAND: [f32; 2] = [-900.0, 8800.0];
 
 /// The buffers of one worker. They never shrink, because what they grow by is filled first; only what
 /// `rect` covers counts.
@@ -18,8 +19,8 @@ pub(super) struct Window {
     f64: Vec<f64>,
     /// How far the f32 heights of the rectangle are from the exact ones, at most.
     rounding: f64,
-    /// Lowest of the f32 heights; infinite where all are above [`LOWEST_LAND`].
-    lowest: f32,
+    /// Lowest and highest of the f32 heights, where some are beyond [`LAND`].
+    range: Option<[f32; 2]>,
 }
 
 impl Window {
@@ -60,14 +61,15 @@ impl Window {
     /// Beyond [`MAX_HEIGHT`] differences of heights overflow; no terrain is there, but undeclared
     /// nodata often is.
     fn refuse_extremes(&mut self, rect: Rect) -> Result<()> {
-        let is_odd = |z: &f32| (*z < LOWEST_LAND) | (*z > MAX_HEIGHT);
+        let is_odd = |z: &f32| (*z < LAND[0]) | (*z > LAND[1]);
         let any = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | is_odd(z));
         let samples = &self.f32[..rect.len()];
-        self.lowest = f32::INFINITY;
+        self.range = None;
         if !samples.chunks(1024).any(any) {
             return Ok(());
         }
-        self.lowest = samples.iter().fold(f32::INFINITY, |low, &z| low.min(z));
+        let none = [f32::INFINITY, f32::NEG_INFINITY];
+        self.range = Some(samples.iter().fold(none, |[low, high], &z| [low.min(z), high.max(z)]));
         let is_extreme = |z: &f32| z.abs() > MAX_HEIGHT;
         let Some(index) = samples.iter().position(is_extreme) else { return Ok(()) };
         let (row, col) = (index / rect.width as usize, index % rect.width as usize);
@@ -80,14 +82,19 @@ impl Window {
     /// How many samples of `part` of the last rectangle have the lowest height of all, if that looks
     /// like a nodata value that the file does not declare; with the value as stored.
     pub(super) fn suspects(&self, part: Rect, info: &GridInfo) -> Option<(f64, u64)> {
-        let rect = self.rect?;
-        let stored = looks_like_nodata(f64::from(self.lowest), info)?;
-        let is_lowest = |&&z: &&f32| z == self.lowest;
+        let (rect, [lowest, _]) = (self.rect?, self.range?);
+        let stored = looks_like_nodata(f64::from(lowest), info)?;
+        let is_lowest = |&&z: &&f32| z == lowest;
         let rows = part.row - rect.row..part.end_row() - rect.row;
         let cols = (part.col - rect.col) as usize..(part.end_col() - rect.col) as usize;
         let row = |row: u32| &self.f32[row as usize * rect.width as usize..][cols.clone()];
         let count = rows.map(|at| row(at).iter().filter(is_lowest).count() as u64).sum();
         Some((stored, count))
+    }
+
+    /// The lowest and highest height of the last rectangle, where some may be of no land.
+    pub(super) fn odd_range(&self) -> Option<[f64; 2]> {
+        self.range.map(|range| range.map(f64::from))
     }
 
     /// The heights of the last rectangle read (none before the first).
@@ -171,7 +178,7 @@ mod tests {
         let rect = Rect::new(5, 6, 2, 1);
         window.rect = Some(rect);
         window.refuse_extremes(rect).unwrap();
-        assert_eq!((window.lowest, window.heights().f32), (f32::INFINITY, &[1.0, 2.0][..]));
+        assert_eq!((window.range, window.heights().f32), (None, &[1.0, 2.0][..]));
         grow(&mut window.f32, 1);
         assert_eq!(window.f32.len(), 4);
     }

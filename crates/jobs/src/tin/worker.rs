@@ -162,7 +162,9 @@ impl<'a> Worker<'a> {
         let input = TileInput { spacing: self.spacing(), ..input };
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
-        let tally = Tally { valid: *valid, isolated: *isolated, suspects, ..Tally::default() };
+        let odd_range = self.window.odd_range();
+        let tally = Tally { suspects, odd_range, ..Tally::default() };
+        let tally = Tally { valid: *valid, isolated: *isolated, ..tally };
         lock(&self.job.tally).add(tally);
         let _room = self.job.store.reserve(mesh.bytes(), tile)?;
         self.job.insert(Piece { rect, triangles, vertices, heights })?;

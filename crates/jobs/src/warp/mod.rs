@@ -90,6 +90,7 @@ impl WarpJob {
 pub fn run(job: &WarpJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
     let (mut about, nowhere) = (None, Arc::new(AtomicU64::new(0)));
     let report = convert::run_of(&job.copy, source::WORKER_BYTES, progress, cancel, |inner| {
+        inner.info().check_cells()?;
         let operation = job.operation(inner.info())?;
         let notes = operation.iter().flat_map(|own| own.notes().iter().cloned()).collect();
         let transformed = operation.as_ref().map(Transformed::of);

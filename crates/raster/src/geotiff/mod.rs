@@ -22,6 +22,7 @@ use std::sync::Arc;
 
 use crate::cache::BlockCache;
 use crate::file::RawFile;
+use crate::notes::MASK;
 use crate::sample::{Height, ToHeight};
 use crate::{
     GridInfo, GridSource, OpenOptions, RasterFormat, Window, mask_beside, store, unit_and_text,
@@ -80,7 +81,7 @@ impl GeoTiff {
         let image = Image::new(&file, &directory, layout, band, 0)?;
         let (file, directory, layout) = (&file, &directory, &image.blocks.layout);
         let masks = mask::find(mask::Grid { file, directory, layout, band, cache_bytes })?;
-        info.details.extend(masks.iter().map(|mask| ("mask".to_owned(), mask.name.clone())));
+        info.details.extend(masks.iter().map(|mask| (MASK.to_owned(), mask.name.clone())));
         let (to_height, cache) = (ToHeight::of(&info), BlockCache::new(cache_bytes));
         Ok(Self { image, masks, info, to_height, cache })
     }

@@ -2,6 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::nodata::is_no_height;
+use crate::notes::{MASK, NODATA_VALUES};
+use crate::store::sample::stored_nodata;
 use crate::{GridInfo, GridSource, OpenOptions, SampleType};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Rect;
@@ -10,8 +13,11 @@ use terrane_files::path_of;
 use super::agree::{self, Named};
 use super::find::{Family, Found, Nest, find, on_threads};
 use super::layout::{Layout, Shape, lay_out};
-use super::recode::{Recode, void_range, wider};
+use super::recode::{Recode, is_same, void_range, wider};
 use super::{Mosaic, Part, Source, members};
+
+/// Most nodata values that are told.
+const MOST_TOLD: usize = 8;
 
 /// What a mosaic needs to remember of each file.
 struct Member {
@@ -20,13 +26,16 @@ struct Member {
     sample_type: SampleType,
     nodata: Option<f64>,
     unit: Option<String>,
+    /// Its mask, where it has one beside a nodata value.
+    mask: Option<(String, String)>,
 }
 
 impl Member {
     fn of(Found { info, source }: Found) -> Self {
         let GridInfo { transform, width, height, sample_type, nodata, .. } = info;
         let shape = Shape { transform, width, height };
-        Self { source, shape, sample_type, nodata, unit: info.crs.vertical_unit }
+        let mask = info.details.into_iter().find(|(name, _)| name == MASK && nodata.is_some());
+        Self { source, shape, sample_type, nodata, unit: info.crs.vertical_unit, mask }
     }
 }
 
@@ -96,7 +105,7 @@ fn laid_out(names: &[String], members: &[Member]) -> Result<Layout> {
 }
 
 /// The mosaic as a grid: what the first file says, on the common lattice, in a type that holds all
-/// samples, with the nodata value of the first file that declares one.
+/// samples, with a nodata value that no file has for a height.
 fn describe(
     first: GridInfo,
     members: &[Member],
@@ -104,14 +113,15 @@ fn describe(
     unit: Option<String>,
 ) -> GridInfo {
     let types = members.iter().map(|member| member.sample_type);
+    let sample_type = types.fold(first.sample_type, wider);
     let mut info = GridInfo {
         width: layout.width,
         height: layout.height,
         transform: layout.transform,
-        sample_type: types.fold(first.sample_type, wider),
-        nodata: members.iter().find_map(|member| member.nodata),
+        sample_type,
+        nodata: nodata(members, sample_type),
         format: "mosaic",
-        details: facts(members.len(), &first),
+        details: facts(members, &first),
         block: (first.block.0.min(layout.width), first.block.1.min(layout.height)),
         ..first
     };
@@ -133,13 +143,46 @@ fn parts(members: Vec<Member>, layout: &Layout, info: &GridInfo) -> Vec<Part> {
     placed.map(part).collect()
 }
 
-/// In a file with another nodata value, or none, samples at the mosaic's are void as well: its
-/// reader could not tell them apart.
-fn recode(own: Option<f64>, info: &GridInfo) -> Option<Recode> {
-    let nodata = info.nodata?;
-    if own.is_some_and(|own| own == nodata || (own.is_nan() && nodata.is_nan())) {
-        return None;
+/// The value that stands for voids of the mosaic: the one that all files declare, or else the first that no
+/// terrain has for a height, or the last resort of the type. A height that is this value all the same
+/// cannot be written, and is told by name then.
+fn nodata(members: &[Member], kind: SampleType) -> Option<f64> {
+    match &declared(members)[..] {
+        [] => None,
+        [only] if members.iter().all(|member| member.nodata.is_some()) => Some(*only),
+        all => {
+            let is_usable = |v: &f64| is_no_height(*v) && stored_nodata(kind, *v).is_some();
+            Some(all.iter().copied().find(is_usable).unwrap_or(last_resort(kind)))
+        }
     }
+}
+
+/// The different nodata values that files declare, in order.
+fn declared(members: &[Member]) -> Vec<f64> {
+    let mut all: Vec<f64> = Vec::new();
+    for value in members.iter().filter_map(|member| member.nodata) {
+        if !all.iter().any(|own| is_same(*own, value)) {
+            all.push(value);
+        }
+    }
+    all
+}
+
+fn last_resort(kind: SampleType) -> f64 {
+    match kind {
+        SampleType::U8 => u8::MAX.into(),
+        SampleType::U16 => u16::MAX.into(),
+        SampleType::U32 => u32::MAX.into(),
+        SampleType::I8 => i8::MIN.into(),
+        SampleType::I16 => i16::MIN.into(),
+        SampleType::I32 => i32::MIN.into(),
+        SampleType::F16 | SampleType::F32 | SampleType::F64 => f64::NAN,
+    }
+}
+
+/// In a file that declares no nodata value, samples at the mosaic's are void where that can be no height.
+fn recode(own: Option<f64>, info: &GridInfo) -> Option<Recode> {
+    let nodata = info.nodata.filter(|value| own.is_none() && is_no_height(*value))?;
     let (low, high) = void_range(info.sample_type, nodata)?;
     // Heights of all files are scaled alike, and just as here.
     let height = |stored: f64| stored * info.scale + info.offset;
@@ -147,13 +190,19 @@ fn recode(own: Option<f64>, info: &GridInfo) -> Option<Recode> {
     Some(Recode { void: Some((low.min(high), low.max(high))), ..Recode::NONE })
 }
 
-/// How many files there are, and what the first is.
-fn facts(files: usize, first: &GridInfo) -> Vec<(String, String)> {
+/// How many files there are, what the first is, and where they differ in nodata.
+fn facts(members: &[Member], first: &GridInfo) -> Vec<(String, String)> {
     let compression = first.details.iter().find(|(name, _)| name == "compression").cloned();
     let mut facts = vec![
-        ("files".to_owned(), files.to_string()),
+        ("files".to_owned(), members.len().to_string()),
         ("format of the first".to_owned(), first.format.to_owned()),
     ];
     facts.extend(compression);
+    facts.extend(members.iter().find_map(|member| member.mask.clone()));
+    let declared = declared(members);
+    if declared.len() > 1 {
+        let values: Vec<_> = declared.iter().take(MOST_TOLD).map(f64::to_string).collect();
+        facts.push((NODATA_VALUES.to_owned(), values.join(", ")));
+    }
     facts
 }

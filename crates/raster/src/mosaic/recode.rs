@@ -51,6 +51,11 @@ fn fitted(value: f64, kind: SampleType) -> f64 {
     }
 }
 
+/// Whether two nodata values are one.
+pub(super) fn is_same(a: f64, b: f64) -> bool {
+    a == b || (a.is_nan() && b.is_nan())
+}
+
 /// The values of `kind` that count as `nodata`, lowest and highest.
 pub(super) fn void_range(kind: SampleType, nodata: f64) -> Option<(f64, f64)> {
     fn of<S: Stored<N>, const N: usize>(nodata: f64) -> Option<(f64, f64)> {

@@ -135,6 +135,12 @@ impl Codec {
         }
     }
 
+    /// The value that is stored for a void; `None` where the type has none.
+    fn void_as<T: Stored, H: Height>(&self, void: H) -> Option<f64> {
+        let (value, is_held) = self.store::<T, H>(void, T::exactly(self.nodata).or(T::HOLE));
+        is_held.then(|| value.to_f64())
+    }
+
     /// What would have to be stored for `height`.
     #[inline(always)]
     fn wanted<T: Stored>(&self, height: f64) -> f64 {
@@ -170,11 +176,12 @@ impl Codec {
     }
 }
 
-/// True when `sample_type` has this very value to stand for voids (NaN is a value of floats).
-pub(crate) fn holds(sample_type: SampleType, value: f64) -> bool {
+/// The value that samples of this type store for voids where `nodata` is declared: the nearest one of
+/// floats, and NaN for infinities. `None` where integers lack it.
+pub(crate) fn stored_nodata(sample_type: SampleType, nodata: f64) -> Option<f64> {
     let info = GridInfo::plain("", 1, 1, sample_type);
-    let codec = Codec::new(&GridInfo { nodata: Some(value), ..info });
-    codec.encode(&[f64::NAN], &mut [0; 8][..sample_type.bytes()]).is_ok()
+    let codec = Codec::new(&GridInfo { nodata: Some(nodata), ..info });
+    by_type!(codec, void_as, f64::NAN)
 }
 
 #[inline(always)]
@@ -268,7 +275,8 @@ pub(crate) trait Stored: Copy + PartialEq {
         false
     }
 
-    /// This very value, where the type has it.
+    /// The value that a declared nodata value is stored as: itself, where the type has it, and of floats
+    /// the nearest finite one, as text of the lowest float is often beyond it. `None` where there is none.
     fn exactly(value: Option<f64>) -> Option<Self>;
 
     /// The stored value with `value * scale + offset == height`, about.
@@ -416,9 +424,8 @@ impl Stored for f32 {
         (near, near.is_finite())
     }
 
-    /// A declared value such as -3.4e38 is meant as the `f32` nearest to it.
     fn exactly(value: Option<f64>) -> Option<Self> {
-        value.map(|v| v as f32).filter(|v| v.is_finite())
+        value.filter(|v| v.is_finite()).map(|v| (v as f32).clamp(f32::MIN, f32::MAX))
     }
 }
 
@@ -450,7 +457,7 @@ impl Stored for f16 {
     }
 
     fn exactly(value: Option<f64>) -> Option<Self> {
-        value.map(f16::from_f64).filter(|v| v.is_finite())
+        value.filter(|v| v.is_finite()).map(|v| f16::from_f64(v).clamp(f16::MIN, f16::MAX))
     }
 }
 

@@ -35,6 +35,8 @@ struct AscSink {
     info: GridInfo,
     nodata: f64,
     nodata_text: String,
+    /// Whether readers have heights in single precision.
+    is_single: bool,
     /// Where a type was asked for: what its values may be.
     codec: Option<Codec>,
     sidecars: Sidecars,
@@ -56,7 +58,8 @@ impl AscSink {
         let mut text = Out::of(&target, 0)?;
         text.write(header(&info, nodata).as_bytes())?;
         let (text, nodata_text) = (Mutex::new(text), number(nodata));
-        Ok(Self { target, info, nodata, nodata_text, codec, sidecars, text })
+        let is_single = matches!(sample_type, SampleType::F16 | SampleType::F32);
+        Ok(Self { target, info, nodata, nodata_text, is_single, codec, sidecars, text })
     }
 
     /// One sample and a space.
@@ -65,19 +68,21 @@ impl AscSink {
         height: H,
         out: &mut String,
     ) -> std::result::Result<(), Misfit> {
-        if height.is_void() {
-            out.push_str(&self.nodata_text);
-            out.push(' ');
-            return Ok(());
-        }
-        if height.to_f64() == self.nodata {
-            return Err(Misfit::Nodata(0, self.nodata));
-        }
+        let first = out.len();
         // Writing to a string does not fail.
         let _ = match &self.codec {
-            Some(codec) => write!(out, "{} ", codec.fit(height.to_f64())?),
-            None => write!(out, "{height} "),
+            _ if height.is_void() => write!(out, "{}", self.nodata_text),
+            Some(codec) => write!(out, "{}", codec.fit(height.to_f64())?),
+            None => write!(out, "{height}"),
         };
+        // What is written counts, as it may be rounded, and what readers make of it.
+        let (height, nodata) = (height.to_f64(), self.nodata);
+        let is_alike = self.is_single && height as f32 == nodata as f32;
+        let is_nodata = is_alike || height == nodata || out[first..] == self.nodata_text;
+        if is_nodata && !height.is_nan() {
+            return Err(Misfit::Nodata(0, height));
+        }
+        out.push(' ');
         Ok(())
     }
 

@@ -56,6 +56,7 @@ impl CsvSink {
     fn new(order: &Order<'_>) -> Result<Self> {
         let sample_type = order.options.sample_type.unwrap_or(order.info.sample_type);
         let info = GridInfo { sample_type, nodata: None, ..order.heights(SampleType::F64)? };
+        order.info.check_cells()?;
         let is_float = matches!(sample_type, SampleType::F32 | SampleType::F64);
         let codec = Codec::new(&info);
         let codec = (!is_float).then(|| codec.rounding(order.rounding()));

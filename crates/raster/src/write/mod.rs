@@ -12,6 +12,7 @@ mod csv;
 mod directory;
 mod flt;
 mod geotiff;
+mod gray;
 mod level;
 mod packed;
 mod picture;
@@ -167,6 +168,11 @@ impl GridFormat {
     /// Whether a file holds coarser copies of the grid, too, a third of it in all.
     pub fn has_overviews(&self) -> bool {
         self.name == cog::FORMAT.name
+    }
+
+    /// Whether a file is a picture to those who open it.
+    pub fn is_picture(&self) -> bool {
+        self.name == png::FORMAT.name
     }
 
     /// Fails unless the options are the format's, with values it takes.

@@ -2,6 +2,8 @@
 
 use std::sync::Mutex;
 
+use ::png::{BitDepth, ColorType};
+
 use super::png::Canvas;
 use super::{GridSink, Order};
 use crate::store::Heights;
@@ -34,7 +36,8 @@ impl PictureSink {
             return Err(Error::usage("a picture is of three or four bands of bytes"));
         }
         let info = GridInfo { nodata: None, ..order.info.clone() };
-        let canvas = Canvas::new(order, bands == 4)?;
+        let colours = if bands == 4 { ColorType::Rgba } else { ColorType::Rgb };
+        let canvas = Canvas::new(order, (colours, BitDepth::Eight), None)?;
         let (codec, ready) = (order.codec(&info), Mutex::default());
         Ok(Self { canvas, info, codec, bands: bands as usize, ready })
     }

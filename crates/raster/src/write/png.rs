@@ -1,6 +1,6 @@
 //! PNG: heights packed into red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
-//! (steps of 1/256 from -32768), with a world file and .prj beside it. Voids are transparent. What pictures share with it is here,
-//! too.
+//! (steps of 1/256 from -32768), with a world file and .prj beside it. Voids are transparent. What other pictures share
+//! with it is here, too.
 
 use std::fmt::Display;
 use std::fs::File;
@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex};
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, StreamWriter};
 
 use super::creation::Accepts::Words;
+use super::gray::{self, GraySink};
 use super::picture::PictureSink;
 use super::rows::RowSink;
 use super::sidecar::{self, Sidecars};
@@ -28,17 +29,19 @@ use terrane_files::{lock, unlocked};
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "PNG",
     extensions: &["png"],
-    about: "terrain-RGB or terrarium with .pgw and .prj; scale and offset are applied",
+    about: "terrain-RGB, terrarium, or gray of 8 or 16 bits (--type uint8, uint16), with .pgw and .prj; scale and offset \
+            are applied",
     options: &[
         CreationOption {
             key: "ENCODING",
-            accepts: Words(&["TERRAIN-RGB", "TERRARIUM"]),
-            about: "how heights are packed [by the name of the file, else TERRAIN-RGB]",
+            accepts: Words(&["TERRAIN-RGB", "TERRARIUM", "GRAY"]),
+            about: "how heights are held [GRAY where --type is uint8 or uint16 and of reliefs, else by the name of the \
+                    file, else TERRAIN-RGB]",
         },
         CreationOption {
             key: "ALPHA",
             accepts: Words(&["YES", "NO"]),
-            about: "transparent voids [YES where the grid declares nodata]",
+            about: "transparent voids of packed heights [YES where the grid declares nodata]",
         },
     ],
     several_bands: false,
@@ -46,9 +49,10 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     holds_types: false,
     names_voids: true,
     bytes_per_sample: 24,
-    create: |order| match order.options.are_colours {
-        true => Ok(Box::new(PictureSink::new(order)?)),
-        false => Ok(Box::new(PngSink::new(order)?)),
+    create: |order| match (order.options.are_colours, gray::is_asked(order)?) {
+        (true, _) => Ok(Box::new(PictureSink::new(order)?)),
+        (_, true) => Ok(Box::new(GraySink::new(order)?)),
+        (_, false) => Ok(Box::new(PngSink::new(order)?)),
     },
 };
 
@@ -71,8 +75,13 @@ impl PngSink {
     fn new(order: &Order<'_>) -> Result<Self> {
         let options = order.options;
         if let Some(other) = options.sample_type {
-            let message = format!("PNG holds packed heights, not {}", other.name());
-            return Err(Error::usage(message).remedy("leave --type out"));
+            let message = format!(
+                "PNG holds gray of uint8 or uint16, or packed heights, not {}",
+                other.name()
+            );
+            return Err(
+                Error::usage(message).remedy("leave --type and ENCODING out, or --type alone")
+            );
         }
         if options.nodata.is_some() {
             return Err(Error::usage("voids of a PNG are transparent, and have no value")
@@ -83,7 +92,8 @@ impl PngSink {
             Some(word) => word == "YES",
             None => order.info.nodata.is_some(),
         };
-        let canvas = Canvas::new(order, alpha)?;
+        let colours = if alpha { ColorType::Rgba } else { ColorType::Rgb };
+        let canvas = Canvas::new(order, (colours, BitDepth::Eight), None)?;
         let (info, notes) = (order.info.clone(), notes(order, packing));
         let info = GridInfo { scale: packing.scale, offset: packing.offset, nodata: None, ..info };
         let info = GridInfo { sample_type: SampleType::U32, ..info };
@@ -135,7 +145,7 @@ fn packing(order: &Order<'_>) -> Result<&'static Packing> {
     }
 }
 
-/// A picture of 8 bits by channel that is written from above, with what lies beside it.
+/// A picture that is written from above, with what lies beside it.
 pub(super) struct Canvas {
     target: AtomicFile,
     sidecars: Sidecars,
@@ -145,12 +155,16 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// Of red, green and blue, and of opacity or not.
-    pub(super) fn new(order: &Order<'_>, alpha: bool) -> Result<Self> {
+    /// Of such pixels; `transparent` is the gray that is.
+    pub(super) fn new(
+        order: &Order<'_>,
+        pixels: (ColorType, BitDepth),
+        transparent: Option<u16>,
+    ) -> Result<Self> {
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         let sidecars = sidecars(order)?;
         let cause = Cause::default();
-        let picture = Mutex::new(start(&target, order.info, alpha, &cause)?);
+        let picture = Mutex::new(start(&target, order.info, (pixels, transparent), &cause)?);
         Ok(Self { target, sidecars, picture, cause })
     }
 
@@ -199,15 +213,18 @@ fn notes(order: &Order<'_>, packing: &Packing) -> Vec<String> {
 fn start(
     target: &AtomicFile,
     info: &GridInfo,
-    alpha: bool,
+    ((colours, depth), transparent): ((ColorType, BitDepth), Option<u16>),
     cause: &Cause,
 ) -> Result<StreamWriter<'static, Told>> {
     let path = target.path();
     let file = target.file().try_clone().map_err(|e| Error::write(path, e))?;
     let told = Told { file, cause: cause.clone() };
     let mut encoder = Encoder::new(told, info.width, info.height);
-    encoder.set_color(if alpha { ColorType::Rgba } else { ColorType::Rgb });
-    encoder.set_depth(BitDepth::Eight);
+    encoder.set_color(colours);
+    encoder.set_depth(depth);
+    if let Some(gray) = transparent {
+        encoder.set_trns(gray.to_be_bytes().to_vec());
+    }
     let started = encoder.write_header().and_then(|writer| writer.into_stream_writer());
     started.map_err(|e| failed(path, cause, e))
 }

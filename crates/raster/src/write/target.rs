@@ -1,8 +1,8 @@
 //! What a file will hold of a grid: sample type, nodata, scale and offset, by the options and by what
-//! the format knows.
+//! the format knows. The declared nodata value is the very one that voids are stored as.
 
 use super::Order;
-use crate::store::sample::{Codec, Rounding, holds};
+use crate::store::sample::{Codec, Rounding, stored_nodata};
 use crate::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 
@@ -13,11 +13,13 @@ impl Order<'_> {
     /// For formats that hold stored values: scale and offset stay.
     pub(super) fn stored(&self) -> Result<GridInfo> {
         let sample_type = self.options.sample_type.unwrap_or(self.info.sample_type);
-        let kept = self
-            .info
-            .nodata
-            .filter(|value| sample_type == self.info.sample_type || holds(sample_type, *value));
-        let info = GridInfo { sample_type, nodata: kept, ..self.info.clone() };
+        let kept = |value| {
+            // A value that the type of the input lacks stands for no sample, and is kept as it is.
+            let as_is = (sample_type == self.info.sample_type).then_some(value);
+            stored_nodata(sample_type, value).or(as_is)
+        };
+        let nodata = self.info.nodata.and_then(kept);
+        let info = GridInfo { sample_type, nodata, ..self.info.clone() };
         self.with_nodata(info)
     }
 
@@ -26,18 +28,16 @@ impl Order<'_> {
     pub(super) fn heights(&self, sample_type: SampleType) -> Result<GridInfo> {
         let is_plain = (self.info.scale, self.info.offset) == (1.0, 0.0);
         let own = self.info.nodata.filter(|value| is_plain && value.is_finite());
-        let nodata = own.filter(|v| holds(sample_type, *v)).or(Some(USUAL_NODATA));
+        let nodata = own.and_then(|v| stored_nodata(sample_type, v)).or(Some(USUAL_NODATA));
         let info = GridInfo { sample_type, nodata, scale: 1.0, offset: 0.0, ..self.info.clone() };
         self.with_nodata(info)
     }
 
     fn with_nodata(&self, info: GridInfo) -> Result<GridInfo> {
-        match self.options.nodata {
-            None => Ok(info),
-            Some(value) if holds(info.sample_type, value) => {
-                Ok(GridInfo { nodata: Some(value), ..info })
-            }
-            Some(value) => {
+        let Some(value) = self.options.nodata else { return Ok(info) };
+        match stored_nodata(info.sample_type, value) {
+            Some(stored) => Ok(GridInfo { nodata: Some(stored), ..info }),
+            None => {
                 let name = info.sample_type.name();
                 Err(Error::usage(format!("the nodata value {value} cannot be stored as {name}"))
                     .remedy("pass one with --out-nodata that the type holds"))

@@ -4,8 +4,9 @@
 use super::definition::{Geographic, Horizontal, Projected, Vertical};
 use super::method::{Method, Role};
 use super::node::Node;
-use super::{Crs, codes, wkt};
+use super::{Crs, GeoKeys, codes, wkt};
 use crate::error::{Error, Result};
+use crate::geom::Spheroid;
 
 /// The datum of a system, and its ellipsoid.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,6 +80,33 @@ impl Crs {
             None => Err(Error::bad_input("it is not known where on the globe this lies")
                 .remedy("name its reference system in the file, or in a .prj beside it")),
         }
+    }
+
+    /// The ellipsoid that positions are on, of any body; `None` where nothing is said of it.
+    ///
+    /// # Errors
+    /// Unsupported: something is said of it that is not known here.
+    pub fn spheroid(&self) -> Result<Option<Spheroid>> {
+        let figure = match self.parts().0 {
+            Some(Horizontal::Geographic(own)) => Some((own.axis, own.flattening)),
+            Some(Horizontal::Projected(own)) => Some((own.base.axis, own.base.flattening)),
+            Some(Horizontal::Local { .. }) => return Ok(None),
+            None => None,
+        };
+        match figure.map(|(axis, flattening)| Spheroid::new(axis, flattening)) {
+            Some(Some(known)) => Ok(Some(known)),
+            None if !self.tells_figure() => Ok(None),
+            _ => {
+                let what = format!("the ellipsoid of {} is not known", self.label());
+                Err(Error::unsupported(what).remedy(
+                    "name the system by an EPSG code, or by well-known text with its ellipsoid",
+                ))
+            }
+        }
+    }
+
+    fn tells_figure(&self) -> bool {
+        self.epsg.is_some() || self.wkt.is_some() || GeoKeys::of(self).tells_figure()
     }
 
     /// What heights are.

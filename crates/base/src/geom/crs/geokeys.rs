@@ -237,7 +237,7 @@ impl GeoKeys {
 
     /// The geographic system: by its code, by that of its datum, or by its ellipsoid.
     fn base(&self) -> Option<Geographic> {
-        if !matches!(self.short(ANGULAR_UNITS), None | Some(9102 | 9122)) {
+        if !self.is_in_degrees() {
             return None;
         }
         if let Some(code) = self.code(GEODETIC_CRS) {
@@ -286,6 +286,18 @@ impl GeoKeys {
             from_greenwich: 0.0,
             is_3d: false,
         })
+    }
+
+    /// True where keys say something of the ellipsoid, known or not.
+    pub(super) fn tells_figure(&self) -> bool {
+        let is_told = |key| self.short(key).is_some_and(|code| code != 0);
+        [GEODETIC_CRS, PROJECTED_CRS, DATUM, ELLIPSOID].into_iter().any(is_told)
+            || self.double(SEMI_MAJOR_AXIS).is_some()
+            || !self.is_in_degrees()
+    }
+
+    fn is_in_degrees(&self) -> bool {
+        matches!(self.short(ANGULAR_UNITS), None | Some(9102 | 9122))
     }
 
     /// The major axis and the inverse of the flattening.

@@ -13,10 +13,12 @@ mod path;
 
 use std::io::BufReader;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
 use crate::file::RawFile;
+use crate::notes::{MASK, UNUSED_MASKS};
 use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, unit_and_text};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Affine, Crs, Rect, wkt};
@@ -24,7 +26,7 @@ use terrane_base::limits;
 use terrane_files::path_of;
 
 use super::find::{Family, Nest, find, on_threads};
-use super::recode::{Recode, holds, void_range};
+use super::recode::{self, Recode, holds, void_range};
 use super::{Mosaic, Part, Source as Samples};
 use parse::{Source, Vrt};
 
@@ -81,7 +83,9 @@ fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<M
     let nest = deeper(path, nest)?;
     nest.family.count_members(vrt.band.sources.len() as u64)?;
     let mut info = describe(&vrt, options)?;
-    let canvas = Canvas { path, info: &info, nest: &nest };
+    let unused = AtomicUsize::new(0);
+    let masks = (!vrt.has_mask).then_some(&unused);
+    let canvas = Canvas { path, info: &info, nest: &nest, masks };
     let part = |source: &Source| {
         canvas.part(source).map_err(|e| match e.path() {
             // About the file, which only the VRT has named.
@@ -93,6 +97,9 @@ fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<M
     let parts = on_threads(options.threads.min(vrt.band.sources.len()), parts)?;
     let parts: Vec<Part> = parts.into_iter().flatten().collect();
     info.details.insert(0, ("files".to_owned(), vrt.band.sources.len().to_string()));
+    info.details.extend(vrt.has_mask.then(|| (MASK.to_owned(), "mask band".to_owned())));
+    let unused = Some(unused.into_inner()).filter(|count| *count > 0);
+    info.details.extend(unused.map(|count| (UNUSED_MASKS.to_owned(), count.to_string())));
     Ok(Mosaic::new(info, parts, nest.family))
 }
 
@@ -138,7 +145,7 @@ fn describe(vrt: &Vrt, options: &OpenOptions) -> Result<GridInfo> {
 }
 
 fn is_same(a: Option<f64>, b: Option<f64>) -> bool {
-    a == b || matches!((a, b), (Some(a), Some(b)) if a.is_nan() && b.is_nan())
+    a == b || a.zip(b).is_some_and(|(a, b)| recode::is_same(a, b))
 }
 
 /// What sources are painted on.
@@ -146,6 +153,8 @@ struct Canvas<'a> {
     path: &'a Path,
     info: &'a GridInfo,
     nest: &'a Nest,
+    /// Counts the sources with masks that are not used, where the VRT has none.
+    masks: Option<&'a AtomicUsize>,
 }
 
 impl Canvas<'_> {
@@ -157,6 +166,10 @@ impl Canvas<'_> {
         let nodata = self.nodata(source, found.info.nodata);
         let recode = self.recode(source, &found.info, nodata, &name)?;
         let transparent = source.nodata.is_some() || source.use_mask;
+        let is_masked = found.info.details.iter().any(|(name, _)| name == MASK);
+        if let Some(unused) = self.masks.filter(|_| is_masked && !source.use_mask) {
+            unused.fetch_add(1, Ordering::Relaxed);
+        }
         let source = match (found.source, nodata) {
             (samples, _) if is_same(found.info.nodata, nodata) => samples,
             (Samples::File(file), _) => Samples::File(file.with_nodata(&self.nest.family, nodata)),

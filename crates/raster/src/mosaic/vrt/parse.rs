@@ -20,6 +20,8 @@ pub(super) struct Vrt {
     pub(super) is_point: bool,
     pub(super) bands: u32,
     pub(super) band: Band,
+    /// True where the masks of the sources are its own.
+    pub(super) has_mask: bool,
 }
 
 /// The chosen band.
@@ -146,7 +148,10 @@ impl Vrt {
                 };
                 self.is_point |= xml.node(tag)?.children.iter().any(point);
             }
-            "maskband" => mask_band(xml)?,
+            "maskband" => {
+                mask_band(xml)?;
+                self.has_mask = true;
+            }
             "gcplist" | "group" => return Err(refused(&tag.name)),
             _ => xml.skip()?,
         }

@@ -1,0 +1,80 @@
+//! Values of any range as grays of 16 bits, for pictures.
+
+use std::path::PathBuf;
+
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_raster::{GridInfo, GridSource, SampleType};
+
+/// The gray that stands for no value, and those of the lowest and the highest value.
+const NONE: f64 = 0.0;
+const GRAYS: [f64; 2] = [1.0, 65_535.0];
+
+/// A grid of grays in front of one of values.
+pub(super) struct Toned {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    range: [f64; 2],
+}
+
+impl Toned {
+    /// Grays of values within `range`, which has the lowest first.
+    pub(super) fn new(inner: Box<dyn GridSource>, range: [f64; 2]) -> Self {
+        let own = inner.info().clone();
+        let (sample_type, crs) = (SampleType::U16, own.crs.without_heights());
+        let info = GridInfo { sample_type, nodata: Some(NONE), crs, ..own };
+        Self { info, inner, range }
+    }
+
+    /// What the grays stand for.
+    pub(super) fn note(&self) -> String {
+        let ([black, white], [low, high]) = (GRAYS, self.range);
+        format!(
+            "grays from {black} to {white} stand for {low} to {high}; {NONE}, transparent, for no value"
+        )
+    }
+
+    fn gray(&self, value: f64) -> f64 {
+        let ([black, white], [low, high]) = (GRAYS, self.range);
+        if value.is_nan() {
+            return value;
+        }
+        let share = if high > low { (value - low) / (high - low) } else { 0.0 };
+        (black + share.clamp(0.0, 1.0) * (white - black)).round()
+    }
+}
+
+impl GridSource for Toned {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.inner.read_f32(rect, out)?;
+        // Whole numbers below 2^24 are exact.
+        out.iter_mut().for_each(|value| *value = self.gray((*value).into()) as f32);
+        Ok(())
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.inner.read_f64(rect, out)?;
+        out.iter_mut().for_each(|value| *value = self.gray(*value));
+        Ok(())
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.inner.block_bytes()
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.inner.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.inner.release(rect);
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.inner.copied(rect);
+    }
+}

@@ -1,0 +1,97 @@
+//! PNG of gray: whole heights of 8 or 16 bits, with a world file and .prj beside it. The value that stands for voids
+//! is transparent.
+
+use std::fmt::Display;
+
+use ::png::{BitDepth, ColorType};
+
+use super::png::Canvas;
+use super::rows::RowSink;
+use super::{Order, sidecar};
+use crate::store::sample::{Codec, Height, stored_nodata};
+use crate::{GridInfo, SampleType};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+
+/// Whether heights are to be gray: by ENCODING, or else by the type that is asked for.
+///
+/// # Errors
+/// Usage: gray of a type that it does not hold.
+pub(super) fn is_asked(order: &Order<'_>) -> Result<bool> {
+    let asked = order.options.sample_type;
+    let is_held = matches!(asked, Some(SampleType::U8 | SampleType::U16));
+    match (order.creation.word("ENCODING"), asked) {
+        (Some("GRAY"), Some(other)) if !is_held => {
+            let message = format!("ENCODING=GRAY holds uint8 and uint16, not {}", other.name());
+            Err(Error::usage(message).remedy("choose --type uint8 or uint16"))
+        }
+        (Some(word), _) => Ok(word == "GRAY"),
+        (None, _) => Ok(is_held),
+    }
+}
+
+/// A picture in the making.
+pub(super) struct GraySink {
+    canvas: Canvas,
+    info: GridInfo,
+    codec: Codec,
+}
+
+impl GraySink {
+    pub(super) fn new(order: &Order<'_>) -> Result<Self> {
+        order.creation.refuse("ALPHA", "on gray, where one value stands for voids")?;
+        let wide = order.info.sample_type != SampleType::U8;
+        let own = if wide { SampleType::U16 } else { SampleType::U8 };
+        let sample_type = order.options.sample_type.unwrap_or(own);
+        // A value that gray does not hold stands for no sample.
+        let heights = order.heights(sample_type)?;
+        let nodata = heights.nodata.and_then(|value| stored_nodata(sample_type, value));
+        let info = GridInfo { nodata, ..heights };
+        let depth = match sample_type {
+            SampleType::U8 => BitDepth::Eight,
+            _ => BitDepth::Sixteen,
+        };
+        // Whole, and within the type.
+        let transparent = nodata.map(|value| value as u16);
+        let canvas = Canvas::new(order, (ColorType::Grayscale, depth), transparent)?;
+        Ok(Self { canvas, codec: order.codec(&info), info })
+    }
+}
+
+impl RowSink for GraySink {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn encode_rows<H: Height + Display>(
+        &self,
+        rect: Rect,
+        heights: &[H],
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        let size = self.info.sample_type.bytes();
+        out.resize(rect.len() * size, 0);
+        let rows = heights.chunks_exact(rect.width as usize);
+        let bytes = out.chunks_exact_mut(rect.width as usize * size);
+        for ((row, line), bytes) in (rect.row..).zip(rows).zip(bytes) {
+            self.codec.encode(line, bytes).map_err(|misfit| {
+                self.codec.refusal(misfit, rect.col, row).in_file(self.canvas.path())
+            })?;
+        }
+        // The codec has the least significant byte first, a picture the most significant.
+        out.chunks_exact_mut(size).for_each(<[u8]>::reverse);
+        Ok(())
+    }
+
+    fn append(&self, bytes: &[u8]) -> Result<()> {
+        self.canvas.append(bytes)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        sidecar::lost(&self.info)
+    }
+
+    fn finish(self) -> Result<u64> {
+        self.canvas.finish()
+    }
+}
