@@ -151,7 +151,7 @@ struct Output {
     /// The object of TopoJSON files to read [default: their first]
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Digits behind the point that positions are rounded to; with --topology before they are judged [default: as they are]
+    /// Digits behind the point that positions are rounded to; with --topology vertices keep theirs where lines would touch, cross or change sides [default: as they are]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=17))]
     decimals: Option<u8>,
     /// Replace files that exist

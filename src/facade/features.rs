@@ -130,7 +130,8 @@ impl LineBuilder<'_> {
         self
     }
 
-    /// Round positions to so many digits behind the point.
+    /// Round positions to so many digits behind the point; with topology vertices keep theirs where lines
+    /// would touch, cross or change sides.
     pub fn decimals(mut self, digits: u8) -> Self {
         self.decimals = Some(digits);
         self

@@ -5,6 +5,7 @@ mod coverage;
 mod data;
 
 mod contours;
+mod doors;
 mod faults;
 mod files;
 mod squares;

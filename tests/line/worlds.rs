@@ -4,6 +4,7 @@
 //! `TERRANE_WORLDS=10000 cargo test --test line worlds::` judges more of them.
 
 mod lattice;
+mod rounding;
 mod whole;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,9 +14,7 @@ use terrane_jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
 use terrane_line::topology::{Collapse, Strategy};
-use whole::{
-    area, cross_within, is_on, is_simple, is_within, meet, segments, turns, without_repeats,
-};
+use whole::{area, is_on, is_simple, is_within, meet, segments, turns, without_repeats};
 
 /// A number of thousandths.
 fn text(c: i64) -> String {
@@ -116,13 +115,13 @@ fn in_order([a, b]: Segment) -> Segment {
 }
 
 /// Whether moving vertices has turned a ring over, made two of these segments meet, or rings of a polygon
-/// touch; or may have, where the numbers of the input are not quite those that are judged here.
-fn is_spoilt(all: &[Shape], moved: &[Shape], now: &BTreeSet<Segment>, is_exact: bool) -> bool {
+/// touch.
+fn is_spoilt(all: &[Shape], moved: &[Shape], now: &BTreeSet<Segment>) -> bool {
     let mut old: BTreeMap<Segment, Vec<Segment>> = BTreeMap::new();
     for (before, after) in all.iter().zip(moved) {
         let is_polygon = before.is_polygon;
         for (before, after) in before.parts.iter().zip(&after.parts) {
-            let may_turn = !is_exact || area(before) != 0;
+            let may_turn = area(before) != 0;
             if is_polygon && may_turn && area(before).signum() != area(after).signum() {
                 return true;
             }
@@ -134,9 +133,8 @@ fn is_spoilt(all: &[Shape], moved: &[Shape], now: &BTreeSet<Segment>, is_exact: 
             return true;
         }
     }
-    let is_apart = |s, t| !if is_exact { meet(s, t) } else { cross_within(s, t) };
     let were_apart =
-        |s: &Segment, t: &Segment| old[s].iter().any(|s| old[t].iter().any(|t| is_apart(*s, *t)));
+        |s: &Segment, t: &Segment| old[s].iter().any(|s| old[t].iter().any(|t| !meet(*s, *t)));
     let pairs = now.iter().flat_map(|s| now.range(..*s).map(move |t| (s, t)));
     pairs.filter(|(s, t)| meet(**s, **t)).any(|(s, t)| were_apart(s, t))
 }
@@ -181,6 +179,9 @@ impl Judge {
     fn world(&mut self, all: &[Shape], way: &Way, report: &LineReport, written: &[Vec<Written>]) {
         let moved = moved(all, way);
         self.demand(written.len() == all.len(), || "a feature is gone".into());
+        let before = rounding::before(&moved, written);
+        self.faults.extend(rounding::faults(&before, written, way));
+        let written = &before[..];
         let mut left = Vec::new();
         let mut gone = Vec::new();
         for (shape, written) in moved.iter().zip(written) {
@@ -203,13 +204,13 @@ impl Judge {
             self.unmoved(all, &moved, &left);
         }
         let written: BTreeSet<Segment> = left.iter().flat_map(Left::originals).collect();
-        let is_due = is_spoilt(all, &moved, &written, true);
+        let is_due = is_spoilt(all, &moved, &written);
         self.demand(is_told || !is_due, || "what moving spoils is not told".into());
         // Rings that are dropped may have spoilt something before.
         let input = moved.iter().flat_map(|shape| &shape.parts).flat_map(|part| segments(part));
         let all_of_it = input.map(in_order).collect();
         let may = if way.collapse == Collapse::Drop { &all_of_it } else { &written };
-        let is_due = is_spoilt(all, &moved, may, way.is_exact());
+        let is_due = is_spoilt(all, &moved, may);
         self.demand(is_due || !is_told, || "told is what moving does not spoil".into());
     }
 
@@ -360,7 +361,9 @@ fn judge(seed: u64, folder: &std::path::Path, kept: &mut [u64; 2]) -> Vec<String
         kept[1] += report.vertices;
         let mut judge = Judge::default();
         judge.world(&all, &way, &report, &written);
-        judge.faults.extend(far_places(&moved(&all, &way), &written, &way));
+        let moved = moved(&all, &way);
+        let before = rounding::before(&moved, &written);
+        judge.faults.extend(far_places(&moved, &before, &way));
         let name = |fault: &String| format!("{seed} {way:?}: {fault}");
         faults.extend(judge.faults.iter().take(3).map(name));
     }
@@ -481,18 +484,17 @@ fn what_is_not_looked_at_is_told() {
         [line([at, -600], [at, 300_600]), line([-600, at], [300_600, at])]
     };
     let all: Vec<Shape> = (0..300).flat_map(lines).collect();
-    let (report, _) = simplify(folder.path(), &all, &way(10, Some(0)));
+    let way = Way { snap: 200, ..way(10, None) };
+    let (report, _) = simplify(folder.path(), &all, &way);
     assert_eq!(
         report.notes,
-        [
-            "90000 pairs of segments meet; whether they did before --decimals 0 is known of 65536 only"
-        ]
+        ["90000 pairs of segments meet; whether they did before --snap 0.2 is known of 65536 only"]
     );
 }
 
-/// A comb whose gaps are narrower than a tenth, and one that rounding turns over.
+/// A comb whose gaps are narrower than a tenth, and a sliver that rounding would turn over.
 #[test]
-fn what_rounding_spoils_is_told() {
+fn what_rounding_would_spoil_keeps_its_digits() {
     let folder = tempfile::tempdir().unwrap();
     let comb = closed(vec![
         [0, 0],
@@ -505,20 +507,14 @@ fn what_rounding_spoils_is_told() {
     ]);
     let sliver = closed(vec![[9000, 9010], [9300, 9020], [9600, 9010], [9300, 9040]]);
     let all = [comb, sliver].map(|ring| Shape { is_polygon: true, parts: vec![ring] });
-    let note = |decimals| {
+    for (decimals, keeps) in [(2, false), (1, true)] {
         let way = way(10, Some(decimals));
         let (report, written) = simplify(folder.path(), &all, &way);
         let mut judge = Judge::default();
         judge.world(&all, &way, &report, &written);
-        let mut notes = report.notes.into_iter();
-        (notes.find(|note| note.contains("did not before")), judge.faults)
-    };
-    assert_eq!(note(2), (None, Vec::new()));
-    let (told, faults) = note(1);
-    assert_eq!(faults, Vec::<String>::new());
-    assert_eq!(
-        told.unwrap(),
-        "with --decimals 1, 1 rings turn over or lose their area, 2 features have rings that touch \
-         themselves or each other that did not before; pass more --decimals"
-    );
+        assert_eq!(judge.faults, Vec::<String>::new());
+        assert_eq!((report.unrounded > 0, report.input_crossings), (keeps, 0), "{written:?}");
+        let is_told = report.notes.iter().any(|note| note.contains("keep their digits"));
+        assert_eq!(is_told, keeps, "{:?}", report.notes);
+    }
 }

@@ -80,6 +80,14 @@ pub enum Value {
     Json(String),
 }
 
+/// Whether a text is a day of the calendar as [`Value::Date`] holds it.
+pub(super) fn is_date(text: &str) -> bool {
+    let is_digit = |(at, byte): (usize, u8)| matches!(at, 4 | 7) || byte.is_ascii_digit();
+    text.len() == 10
+        && text.bytes().enumerate().all(is_digit)
+        && chrono::NaiveDate::parse_from_str(text, "%Y-%m-%d").is_ok()
+}
+
 /// What the values of a field are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FieldKind {

@@ -11,7 +11,8 @@ pub enum Kept {
     Nothing,
     /// The vertices with these indices, which rise. A ring is closed by its first kept vertex, heights
     /// and measures included; others in that place at its end go. What is left of a line with less
-    /// than two vertices, or of a ring with less than four (the first again included), is nothing.
+    /// than two vertices (unless it had one only, its first and its last), or of a ring with less than
+    /// four (the first again included), is nothing.
     Vertices(Vec<u32>),
 }
 
@@ -95,7 +96,8 @@ impl Geometry {
                     false => (&indices[..], None),
                 };
                 let count = open.len() + usize::from(again.is_some());
-                if count >= if part.is_ring() { 4 } else { 2 } {
+                let least = if part.is_ring() { 4 } else { part.xy.len().min(2) };
+                if count >= least {
                     let chosen = open.iter().chain(again);
                     left.extend(from, chosen.map(|&i| start + i as usize));
                 }

@@ -120,7 +120,7 @@ pub enum Values {
     /// As [`Columns`](Self::Columns) of a dBASE table: with names of ten bytes, digits behind the point
     /// as the column says, and no difference between no text and none at all.
     Dbase,
-    /// As text on one line, without a type.
+    /// As text, without a type.
     Cells,
     /// As text, under names that the format knows: those of points, and of lines.
     Named([&'static [&'static str]; 2]),
@@ -161,7 +161,12 @@ pub fn create(
     })?;
     let inner = create(path, layer, options)?;
     Ok(match options.decimals {
-        Some(decimals) => Box::new(round::Rounding { inner, decimals, measures: !layer.m_is_time }),
+        Some(decimals) => Box::new(round::Rounding {
+            inner,
+            decimals,
+            lines: !options.lines_are_rounded,
+            measures: !layer.m_is_time,
+        }),
         None => inner,
     })
 }

@@ -18,10 +18,12 @@ pub fn rounded(value: f64, decimals: u8) -> f64 {
     text.parse().unwrap_or(value)
 }
 
-/// Rounds all positions before they are written.
+/// Rounds positions before they are written.
 pub(super) struct Rounding {
     pub(super) inner: Box<dyn FeatureSink>,
     pub(super) decimals: u8,
+    /// Positions of lines and rings, too: they may be rounded already.
+    pub(super) lines: bool,
     /// Measures, too: times are none.
     pub(super) measures: bool,
 }
@@ -29,7 +31,8 @@ pub(super) struct Rounding {
 impl FeatureSink for Rounding {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let mut feature = feature.clone();
-        feature.geometry.for_each_leaf(&mut |Coordinates { xy, z, m, .. }| {
+        feature.geometry.for_each_leaf(&mut |Coordinates { xy, z, m, ends, .. }| {
+            let xy = if self.lines || ends.is_empty() { &mut xy[..] } else { &mut [] };
             let measures = if self.measures { &mut m[..] } else { &mut [] };
             let all = xy.as_flattened_mut().iter_mut().chain(z).chain(measures);
             all.for_each(|c| *c = rounded(*c, self.decimals));

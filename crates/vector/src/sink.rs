@@ -12,6 +12,8 @@ pub struct WriteOptions {
     pub overwrite: bool,
     /// Digits behind the point that coordinates are rounded to, in any format; `None` to leave them.
     pub decimals: Option<u8>,
+    /// Positions of lines and rings are rounded already, as far as they can be.
+    pub lines_are_rounded: bool,
     /// Sort features into a spatial index, in formats that have one (FlatGeobuf).
     pub index: bool,
     /// Folder for what has to wait until all features are known; the output's own when `None`.
@@ -20,7 +22,13 @@ pub struct WriteOptions {
 
 impl Default for WriteOptions {
     fn default() -> Self {
-        Self { overwrite: false, decimals: None, index: true, temp_dir: None }
+        Self {
+            overwrite: false,
+            decimals: None,
+            lines_are_rounded: false,
+            index: true,
+            temp_dir: None,
+        }
     }
 }
 

@@ -32,17 +32,19 @@ pub trait FeatureSource: Send {
     }
 }
 
-/// What every format has in common: places of errors, and finite coordinates.
+/// What every format has in common: places of errors, finite coordinates, and lines that are points.
 pub(super) struct Guarded {
     inner: Box<dyn FeatureSource>,
     path: PathBuf,
     /// Features read.
     count: u64,
+    /// Lines of one vertex read.
+    single: u64,
 }
 
 impl Guarded {
     pub(super) fn new(inner: Box<dyn FeatureSource>, path: &Path) -> Self {
-        Self { inner, path: path.to_path_buf(), count: 0 }
+        Self { inner, path: path.to_path_buf(), count: 0, single: 0 }
     }
 }
 
@@ -54,6 +56,10 @@ impl FeatureSource for Guarded {
         });
         // One that cannot be read counts too: the error is about it.
         self.count += u64::from(!matches!(next, Ok(None)));
+        if let Ok(Some(feature)) = &next {
+            let parts = feature.geometry.parts();
+            self.single += parts.filter(|part| part.xy.len() == 1).count() as u64;
+        }
         next.map_err(|e| e.at(self.place()).in_file(&self.path))
     }
 
@@ -71,6 +77,10 @@ impl FeatureSource for Guarded {
     }
 
     fn notes(&self) -> Vec<String> {
-        self.inner.notes()
+        let mut notes = self.inner.notes();
+        if self.single > 0 {
+            notes.push(format!("{} lines have one vertex only, and keep it", self.single));
+        }
+        notes
     }
 }

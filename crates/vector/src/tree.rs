@@ -73,15 +73,17 @@ impl Tree {
         })
     }
 
-    /// The items whose rectangle contains `wanted`, in order. O(nodes that do).
-    pub(super) fn containing(&self, wanted: &Bounds, found: &mut Vec<u32>) {
+    /// The items whose rectangle contains `wanted`, in order; returns how many nodes were looked at.
+    pub(super) fn containing(&self, wanted: &Bounds, found: &mut Vec<u32>) -> usize {
         found.clear();
+        let mut looks = 0;
         let last = self.starts.len() - 2;
         let holds = |b: &Bounds| {
             b[0] <= wanted[0] && b[1] <= wanted[1] && b[2] >= wanted[2] && b[3] >= wanted[3]
         };
         let mut stack = vec![(0, 0)];
         while let Some((level, node)) = stack.pop() {
+            looks += 1;
             if !holds(&self.nodes[node]) {
                 continue;
             }
@@ -93,6 +95,7 @@ impl Tree {
             let end = (first + NODE).min(self.starts[level + 2]);
             stack.extend((first..end).rev().map(|child| (level + 1, child)));
         }
+        looks
     }
 }
 

@@ -177,26 +177,19 @@ pub(crate) struct Way {
     pub(crate) collapse: Collapse,
 }
 
-impl Way {
-    /// Whether the numbers that are read are those that are told: eighths and whole ones are.
-    pub(crate) fn is_exact(&self) -> bool {
-        self.snap > 0 || self.decimals.is_none()
-    }
-}
-
 /// A world in thousandths, and a way to simplify it but for strategy and collapse.
 pub(crate) fn world(seed: u64) -> (Vec<Shape>, Way) {
     let mut dice = Dice(seed.wrapping_mul(0xD134_2543_DE82_EF95));
     let mut all = shapes(&mut dice, (seed % 5) as i64);
     let tolerance = dice.of(&[10, 500, 800, 1000, 1500, 2000, 4000]);
     let (snap, decimals) = match dice.below(6) {
-        // Where vertices end is an eighth or a whole number: floats that are what their texts say.
+        // Vertices are at eighths or whole numbers: floats that are what their texts say.
         0 => (300, None),
         1 => (300, Some(0)),
         2 | 3 => (0, Some(0)),
         _ => (0, None),
     };
-    let scale = if snap == 0 && decimals.is_some() { 373 } else { 1000 };
+    let scale = if snap == 0 && decimals.is_some() { 375 } else { 1000 };
     for at in all.iter_mut().flat_map(|shape| &mut shape.parts).flatten() {
         *at = at.map(|c| c * scale);
         if snap > 0 {
@@ -225,7 +218,13 @@ pub(crate) fn crowd(all: &[Shape]) -> u64 {
     cells.chunk_by(|p, q| p == q).map(<[Cell]>::len).max().unwrap_or(0) as u64
 }
 
-/// Where vertices have to be written: snapped, then rounded, by the words of the manual.
+/// A position with fewer digits; halves go away from zero.
+pub(crate) fn rounded(p: Cell, decimals: u8) -> Cell {
+    let unit = 10_i64.pow(3 - u32::from(decimals));
+    p.map(|c| (2 * c.abs() + unit) / (2 * unit) * unit * c.signum())
+}
+
+/// Where vertices are before they are simplified: snapped, by the words of the manual.
 pub(crate) fn moved(all: &[Shape], way: &Way) -> Vec<Shape> {
     let mut order: BTreeSet<Cell> = BTreeSet::new();
     order.extend(all.iter().flat_map(|shape| &shape.parts).flatten());
@@ -237,14 +236,7 @@ pub(crate) fn moved(all: &[Shape], way: &Way) -> Vec<Shape> {
         }
     }
     let place = |p: Cell| -> Cell {
-        let p = if way.snap > 0 { *stayed.iter().find(|q| near(p, **q)).unwrap() } else { p };
-        match way.decimals {
-            Some(decimals) => {
-                let unit = 10_i64.pow(3 - u32::from(decimals));
-                p.map(|c| (2 * c + unit).div_euclid(2 * unit) * unit)
-            }
-            None => p,
-        }
+        if way.snap > 0 { *stayed.iter().find(|q| near(p, **q)).unwrap() } else { p }
     };
     let mut moved = all.to_vec();
     moved.iter_mut().flat_map(|s| &mut s.parts).flatten().for_each(|at| *at = place(*at));

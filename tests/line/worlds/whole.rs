@@ -39,15 +39,6 @@ pub(crate) fn meet(s: Segment, t: Segment) -> bool {
     common > 0 || (common == 0 && shared == 0)
 }
 
-/// Whether two segments cross within both.
-pub(crate) fn cross_within(s: Segment, t: Segment) -> bool {
-    let parts = |[a, b]: Segment, other: Segment| {
-        let [p, q] = other.map(|p| cross(sub(b, a), sub(p, a)).signum());
-        p * q < 0
-    };
-    parts(s, t) && parts(t, s)
-}
-
 pub(crate) fn segments(line: &[Cell]) -> impl Iterator<Item = Segment> + Clone + '_ {
     line.windows(2).map(|w| [w[0], w[1]]).filter(|[a, b]| a != b)
 }

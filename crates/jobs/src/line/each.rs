@@ -5,11 +5,12 @@
 //! three, too, and what its tolerance then asks for between them; that is no filter, and is left out.)
 
 use super::part::{check, vertices};
-use super::tool::{Measure, Vertex};
+use super::tool::{Measure, Rule, Vertex};
 use terrane_base::error::Result;
 use terrane_line::metric::largest_distance2;
+use terrane_line::topology::Collapse;
 use terrane_line::visvalingam::{Areas, Weight};
-use terrane_line::{Geographic, Hierarchy, Metric, Plane, Space};
+use terrane_line::{Geographic, Hierarchy, Method, Metric, Plane, Space};
 use terrane_vector::Part;
 
 /// Thresholds of the vertices of a part, infinite for those that always stay: distances of
@@ -18,7 +19,10 @@ use terrane_vector::Part;
 /// # Errors
 /// A part that cannot be measured.
 pub(crate) fn thresholds(part: &Part<'_>, measure: Measure) -> Result<[Vec<f64>; 2]> {
-    check(part, measure)?;
+    // Thresholds of all sizes are asked for.
+    let rule =
+        Rule { method: &Method::RDP, measure, threshold: f64::MAX, collapse: Collapse::Keep };
+    check(part, &rule)?;
     Ok(match measure {
         Measure::Plane => of_part(&Plane, part),
         Measure::Space => of_part(&Space, part),
@@ -91,10 +95,7 @@ fn keep_three(thresholds: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::line::part::simplify;
-    use crate::line::tool::Rule;
     use proptest::prelude::*;
-    use terrane_line::Method;
-    use terrane_line::topology::Collapse;
     use terrane_vector::{Coordinates, Geometry, Kind};
 
     fn geometry(kind: Kind, xy: Vec<[f64; 2]>) -> Geometry {

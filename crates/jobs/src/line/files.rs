@@ -178,6 +178,7 @@ impl Pair {
         let options = WriteOptions {
             overwrite: job.overwrite,
             decimals: job.decimals,
+            lines_are_rounded: job.topology.is_some(),
             temp_dir: job.resources.temp_dir.clone(),
             ..WriteOptions::default()
         };

@@ -43,6 +43,7 @@ pub struct Length {
 impl Goal {
     /// Fails when the method cannot be held to it.
     pub(super) fn check(&self, method: &Method) -> Result<()> {
+        self.check_number()?;
         match (self, method.bounds) {
             (Self::Tolerance(_), Bounds::Area(_)) => {
                 Err(Error::usage(format!("{} bounds no distance", method.name))
@@ -55,6 +56,22 @@ impl Goal {
             (Self::Tolerance(_), Bounds::Distance) | (Self::Area(_), Bounds::Area(_)) => Ok(()),
             (Self::Ratio(_) | Self::Count(_) | Self::Size(_), _) => Ok(()),
         }
+    }
+
+    /// Fails for what is no length, area or share.
+    fn check_number(&self) -> Result<()> {
+        let (what, value, most) = match *self {
+            Self::Tolerance(Length { value, .. }) => ("tolerance", value, f64::MAX),
+            Self::Area(area) => ("area", area, f64::MAX),
+            Self::Ratio(share) => ("share of vertices", share, 1.0),
+            Self::Count(_) | Self::Size(_) => return Ok(()),
+        };
+        if (0.0..=most).contains(&value) {
+            return Ok(());
+        }
+        let most = if most == 1.0 { " to 1" } else { " on, and finite" };
+        Err(Error::usage(format!("{what} {value} is none"))
+            .remedy(format!("pass one from 0{most}")))
     }
 
     /// What a threshold is to be looked for, for so many vertices; `None` where one is given.

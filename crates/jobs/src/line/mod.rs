@@ -63,8 +63,8 @@ pub struct LineJob {
     pub hierarchy: Option<PathBuf>,
     /// What becomes of rings that have fewer than three vertices left.
     pub collapse: Collapse,
-    /// Digits behind the point that positions are rounded to, in any format: with topology before they are
-    /// judged; `None` to leave them as they are.
+    /// Digits behind the point that positions are rounded to, in any format: with topology as far as nothing
+    /// comes to touch, cross or change sides; `None` to leave them as they are.
     pub decimals: Option<u8>,
     /// The system to write in; that of the inputs when `None`.
     pub transform: Option<Transform>,

@@ -48,6 +48,8 @@ pub struct LineReport {
     pub arcs: u64,
     /// Pieces that had to keep more vertices because of their neighbours.
     pub refined: u64,
+    /// Vertices that keep their digits with topology, as rounding them would spoil it.
+    pub unrounded: u64,
     /// Pairs of segments that cross, touch or overlap in the input and still do.
     pub input_crossings: u64,
     /// The file of hierarchies, if there is one.

@@ -1,5 +1,6 @@
 //! A method with its threshold in a metric, and what it keeps of lines and rings.
 
+use terrane_line::metric::measurable;
 use terrane_line::topology::Collapse;
 use terrane_line::{
     Geographic, Located, Method, Metric, Plane, Scratch, Space, Xy, metric, registry, ring,
@@ -25,19 +26,19 @@ pub(super) trait Vertex: Copy + Send + Sync {
 
 impl Vertex for Xy {
     fn of(xy: Xy, _: f64) -> Self {
-        xy
+        xy.map(measurable)
     }
 }
 
 impl Vertex for [f64; 3] {
     fn of([x, y]: Xy, z: f64) -> Self {
-        [x, y, z]
+        [x, y, z].map(measurable)
     }
 }
 
 impl Vertex for Located {
     fn of(xy: Xy, _: f64) -> Self {
-        Self::new(xy)
+        Self::new(xy.map(measurable))
     }
 }
 

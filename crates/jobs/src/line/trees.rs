@@ -24,7 +24,7 @@ impl Trees {
     /// # Errors
     /// A part that the metric cannot measure.
     pub(super) fn of(geometry: &Geometry, rule: &Rule) -> Result<Self> {
-        geometry.parts().try_for_each(|part| check(&part, rule.measure))?;
+        geometry.parts().try_for_each(|part| check(&part, rule))?;
         Ok(Self(rule.apply(Splitting(geometry))))
     }
 
@@ -125,7 +125,7 @@ pub(super) fn thresholds(
     rule: &Rule,
 ) -> Result<Vec<f64>> {
     if rule.method.bounds.weight().is_some() {
-        geometry.parts().try_for_each(|part| check(&part, rule.measure))?;
+        geometry.parts().try_for_each(|part| check(&part, rule))?;
         return Ok(rule.apply(Weighing(geometry)));
     }
     let made = match trees {

@@ -6,6 +6,7 @@ mod cover;
 mod gaps;
 mod input;
 mod kept;
+mod left;
 mod moves;
 mod own;
 mod search;

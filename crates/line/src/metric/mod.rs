@@ -19,7 +19,8 @@
 //! tolerance of 0 drops exactly the vertices on their segments; elsewhere it drops those whose
 //! computed distance is 0.
 //!
-//! The products are of the fourth degree: lengths must lie between 1e-75 and 1e75.
+//! The products are of the fourth degree: lengths must lie between 1e-75 and 1e75, metres where degrees
+//! are given. They do where coordinates are 0 or between [`LEAST`] and [`MOST`].
 
 mod geographic;
 mod space;
@@ -86,6 +87,19 @@ pub trait Metric<V: Copy>: Sync {
     fn in_plane(_points: &[V]) -> Option<&[Xy]> {
         None
     }
+}
+
+/// Largest magnitude of a coordinate for which no product overflows.
+pub const MOST: f64 = 1e70;
+
+/// Smallest magnitude of a coordinate other than 0 for which no product underflows: differences are
+/// 2^-53 of it at least.
+pub const LEAST: f64 = 1e-59;
+
+/// A coordinate as it is measured: one below [`LEAST`] is 0.
+#[inline(always)]
+pub fn measurable(c: f64) -> f64 {
+    if c.abs() < LEAST { 0.0 } else { c }
 }
 
 /// Leaves room for the rounding of a product or a quotient.

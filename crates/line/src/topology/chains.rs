@@ -2,7 +2,7 @@
 
 use super::Refine;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::plane::{MOST, Xy};
+use terrane_base::geom::plane::{LEAST, MOST, Xy};
 
 /// Lines, rings or arcs: all vertices in one slice, chain after chain.
 ///
@@ -41,8 +41,8 @@ impl Chains<'_> {
     /// Turns away what the rest of the module relies on not to be.
     ///
     /// # Errors
-    /// `Usage` for starts that are none; `BadInput` for a coordinate that is not finite or beyond
-    /// [`MOST`], and for a closed chain whose ends differ; `Limit` for 2^32 vertices and more.
+    /// `Usage` for starts that are none; `BadInput` for a coordinate that is not finite, beyond [`MOST`]
+    /// or, other than 0, below [`LEAST`], and for a closed chain whose ends differ; `Limit` for 2^32 vertices and more.
     pub fn check(&self) -> Result<()> {
         let n = self.points.len();
         if u32::try_from(n).is_err() {
@@ -54,10 +54,10 @@ impl Chains<'_> {
         if !ordered || !whole || self.starts.len() != self.closed.len() + 1 {
             return Err(Error::usage("chains do not begin where the ones before them end"));
         }
-        let sound = |v: f64| v.abs() <= MOST;
+        let sound = |v: f64| v == 0.0 || (LEAST..=MOST).contains(&v.abs());
         if let Some(at) = self.points.iter().position(|p| !(sound(p[0]) && sound(p[1]))) {
             return Err(Error::bad_input(format!(
-                "position {:?} is not finite, or too large",
+                "position {:?} is not finite, or too large or too small to be told from others",
                 self.points[at]
             ))
             .at(format!("vertex {at}"))

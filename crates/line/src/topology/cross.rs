@@ -22,6 +22,12 @@ pub fn conflict(s: [Xy; 2], t: [Xy; 2]) -> bool {
     }
 }
 
+/// Whether two segments, either of which may be a point, have a point in common. Exact.
+pub(super) fn touch(s: [Xy; 2], t: [Xy; 2]) -> bool {
+    let [[a, b], [c, d]] = [s, t];
+    spans_meet(s, t, 0) && spans_meet(s, t, 1) && intersect(a, b, c, d)
+}
+
 /// Whether the extents of two segments along an axis meet.
 #[inline(always)]
 fn spans_meet(s: [Xy; 2], t: [Xy; 2], axis: usize) -> bool {
@@ -29,7 +35,7 @@ fn spans_meet(s: [Xy; 2], t: [Xy; 2], axis: usize) -> bool {
     !((a < c && a < d && b < c && b < d) || (a > c && a > d && b > c && b > d))
 }
 
-/// Whether closed segments without a common end, with boxes that meet, have a point in common.
+/// Whether closed segments with boxes that meet have a point in common.
 fn intersect(a: Xy, b: Xy, c: Xy, d: Xy) -> bool {
     let (at_c, at_d) = (orient(a, b, c), orient(a, b, d));
     if at_c == at_d && at_c != Ordering::Equal {
@@ -40,7 +46,7 @@ fn intersect(a: Xy, b: Xy, c: Xy, d: Xy) -> bool {
 }
 
 /// Whether `p` and `q` lie in the same direction from `o`.
-fn same_way(o: Xy, p: Xy, q: Xy) -> bool {
+pub(super) fn same_way(o: Xy, p: Xy, q: Xy) -> bool {
     let axis = usize::from(p[0] == o[0]);
     orient(o, p, q) == Ordering::Equal && (p[axis] > o[axis]) == (q[axis] > o[axis])
 }

@@ -35,6 +35,7 @@ mod cross;
 mod proactive;
 mod region;
 mod rings;
+mod round;
 mod scan;
 mod settle;
 #[cfg(test)]
@@ -43,6 +44,7 @@ mod tree;
 
 pub use chains::{Chains, Kept, open_at};
 pub use cross::conflict;
+pub use round::{Rounded, round};
 
 use terrane_base::Cancel;
 use terrane_base::error::Result;

@@ -16,6 +16,9 @@ use terrane_base::limits;
 /// Most bytes of a line.
 const MOST_LINE: u64 = 1 << 20;
 
+/// How quotation marks are to be.
+const QUOTING: &str = "put all of a value in quotation marks, and double those in it";
+
 /// Names of columns with a meaning, lower case.
 const X: &[&str] = &["x", "lon", "long", "lng", "longitude", "easting", "east"];
 const Y: &[&str] = &["y", "lat", "latitude", "northing", "north"];
@@ -34,8 +37,12 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource
         columns: Columns::default(),
         layer,
         line: 0,
+        row_line: 0,
         first_line: 0,
         row: Row::default(),
+        first: Row::default(),
+        others: 0,
+        broken: 0,
         count: 0,
         has_row: false,
         is_over: false,
@@ -58,12 +65,12 @@ struct Columns {
     properties: Vec<(usize, Arc<str>)>,
 }
 
-/// The cells of a line of the file, one behind the other.
+/// The cells of a row of the file, one behind the other.
 #[derive(Default)]
 struct Row {
     text: String,
-    /// Where in the text each cell ends.
-    ends: Vec<usize>,
+    /// Where in the text each cell ends, and whether it was in quotation marks.
+    ends: Vec<(usize, bool)>,
 }
 
 impl Row {
@@ -77,20 +84,38 @@ impl Row {
     }
 
     fn get(&self, at: usize) -> Option<&str> {
-        let end = *self.ends.get(at)?;
-        let start = if at == 0 { 0 } else { self.ends[at - 1] };
+        let (end, _) = *self.ends.get(at)?;
+        let start = if at == 0 { 0 } else { self.ends[at - 1].0 };
         Some(&self.text[start..end])
+    }
+
+    /// A cell as a value: white space around it counts between quotation marks only.
+    fn value(&self, at: usize) -> &str {
+        let is_quoted = self.ends.get(at).is_some_and(|(_, is_quoted)| *is_quoted);
+        let cell = self.get(at).unwrap_or_default();
+        if is_quoted { cell } else { cell.trim() }
     }
 
     fn push(&mut self, cell: &str) {
         self.text.push_str(cell);
-        self.ends.push(self.text.len());
+        self.ends.push((self.text.len(), false));
     }
 
     fn clear(&mut self) {
         self.text.clear();
         self.ends.clear();
     }
+}
+
+/// How far a cell is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cell {
+    /// Without quotation marks.
+    Plain,
+    /// Behind one.
+    Open,
+    /// Behind two.
+    Closed,
 }
 
 struct Source {
@@ -101,9 +126,17 @@ struct Source {
     layer: Layer,
     /// Lines read.
     line: u64,
+    /// The line that the row at hand begins on.
+    row_line: u64,
     /// Where the last feature began.
     first_line: u64,
     row: Row,
+    /// The first row of the feature at hand.
+    first: Row,
+    /// Rows with other values than the first one of their feature.
+    others: u64,
+    /// Values that go over several lines.
+    broken: u64,
     /// Cells of the first line, and so of all.
     count: usize,
     /// True where `row` is the first of the feature to come.
@@ -118,13 +151,14 @@ impl FeatureSource for Source {
             return Ok(None);
         }
         self.has_row = false;
-        self.first_line = self.line;
+        self.first_line = self.row_line;
         let owned = |cell: Option<&str>| cell.map(str::to_owned);
         let (id, mut part) =
             (owned(self.cell(self.columns.id)), owned(self.cell(self.columns.part)));
         let properties = self.properties();
         let mut found = Coordinates::default();
         self.position(&mut found)?;
+        std::mem::swap(&mut self.row, &mut self.first);
         while self.next_row()? {
             if self.row.is_empty() {
                 // Without ids an empty line ends a feature.
@@ -143,6 +177,9 @@ impl FeatureSource for Source {
                 part = owned(now);
             }
             self.position(&mut found)?;
+            let mut columns = self.columns.properties.iter();
+            self.others +=
+                u64::from(columns.any(|(at, _)| self.row.value(*at) != self.first.value(*at)));
         }
         let kind = match (found.xy.len(), found.ends.len()) {
             (1, _) => Kind::Point,
@@ -165,7 +202,13 @@ impl FeatureSource for Source {
     }
 
     fn notes(&self) -> Vec<String> {
-        self.notes.clone()
+        let told = [
+            (self.others, "rows have other values than the first row of their line, which count"),
+            (self.broken, "values go over several lines of the file"),
+        ];
+        let told = told.iter().filter(|(count, _)| *count > 0);
+        let told = told.map(|(count, what)| format!("{count} {what}"));
+        self.notes.iter().cloned().chain(told).collect()
     }
 }
 
@@ -198,7 +241,7 @@ impl Source {
 
     fn without_names(&mut self, count: usize) -> Result<()> {
         if !(2..=4).contains(&count) {
-            let message = format!("line {}: {count} columns without names", self.line);
+            let message = format!("line {}: {count} columns without names", self.row_line);
             return Err(Error::bad_input(message).remedy("begin it with a line such as x,y,z,id"));
         }
         let there = |at: usize| (at < count).then_some(at);
@@ -212,7 +255,7 @@ impl Source {
         };
         let (Some(x), Some(y)) = (find(X), find(Y)) else {
             let found = names.join(", ").chars().take(200).collect::<String>();
-            let message = format!("line {}: no columns x and y among {found:?}", self.line);
+            let message = format!("line {}: no columns x and y among {found:?}", self.row_line);
             return Err(Error::bad_input(message).remedy("name them x and y, or lon and lat"));
         };
         let (z, m, id, part) = (find(Z), find(M), find(ID), find(PART));
@@ -231,23 +274,37 @@ impl Source {
     /// The next line without white space around it; comments (#) are passed over.
     fn text(&mut self) -> Result<Option<String>> {
         loop {
-            let Some(bytes) = self.window.line()? else { return Ok(None) };
-            self.line += 1;
-            let line = self.line;
-            limits::check("bytes of a line", bytes as u64, MOST_LINE)
-                .map_err(|e| e.at(format!("line {line}")))?;
-            let text = std::str::from_utf8(&self.window.text()[..bytes]);
-            let text = text.map_err(|_| self.bad("is not UTF-8"))?;
+            let Some(text) = self.line()? else { return Ok(None) };
+            self.row_line = self.line;
+            // The end of a line within quotation marks belongs to the value.
+            let is_open = text.bytes().filter(|byte| *byte == b'"').count() % 2 == 1;
             // White space may be what divides columns.
-            let text = text.trim_end_matches(['\r', ' ']).trim_start_matches(' ').to_owned();
-            if text.contains('\r') {
+            let end = if is_open { &text[..] } else { text.trim_end_matches(['\r', ' ']) };
+            let text = end.trim_start_matches(' ').to_owned();
+            if !text.contains('"') && text.contains('\r') {
                 return Err(self.bad("has a carriage return within it").remedy("mend the line"));
             }
-            self.window.advance(bytes + 1);
             if !text.starts_with('#') {
                 return Ok(Some(text));
             }
         }
+    }
+
+    /// The next line as it is.
+    fn line(&mut self) -> Result<Option<String>> {
+        let Some(bytes) = self.window.line()? else { return Ok(None) };
+        self.line += 1;
+        let line = self.line;
+        limits::check("bytes of a line", bytes as u64, MOST_LINE)
+            .map_err(|e| e.at(format!("line {line}")))?;
+        let text = std::str::from_utf8(&self.window.text()[..bytes]).map(str::to_owned);
+        let text = text.map_err(|_| {
+            Error::bad_input("is not UTF-8")
+                .at(format!("line {line}"))
+                .remedy("convert it to UTF-8")
+        })?;
+        self.window.advance(bytes + 1);
+        Ok(Some(text))
     }
 
     /// Goes to the first row of a feature.
@@ -294,41 +351,78 @@ impl Source {
         Ok(())
     }
 
+    /// Takes a line with quotation marks apart, and those after it that a value goes on in.
     fn split_quoted(&mut self, line: &str) -> Result<()> {
         let delimiter = char::from(self.delimiter);
-        let (mut cell, mut quoted) = (String::new(), false);
-        let mut characters = line.chars().peekable();
-        while let Some(c) = characters.next() {
-            match c {
-                '"' if quoted && characters.peek() == Some(&'"') => {
-                    characters.next();
-                    cell.push('"');
-                }
-                '"' if quoted => {
-                    quoted = false;
-                    if characters.peek().is_some_and(|next| *next != delimiter) {
-                        return Err(self.bad("something follows a quotation mark in its cell"));
+        let (mut cell, mut state) = (String::new(), Cell::Plain);
+        let mut line = line.to_owned();
+        loop {
+            let mut characters = line.chars().peekable();
+            while let Some(c) = characters.next() {
+                let is_end = characters.peek().is_none();
+                state = match (state, c) {
+                    (Cell::Open, '"') if characters.next_if_eq(&'"').is_some() => {
+                        cell.push('"');
+                        Cell::Open
                     }
-                }
-                '"' if cell.trim().is_empty() => {
-                    quoted = true;
-                    cell.clear();
-                }
-                '"' => {
-                    return Err(self.bad("a quotation mark is within a cell that has none before"));
-                }
-                c if c == delimiter && !quoted => {
-                    self.row.push(&cell);
-                    cell.clear();
-                }
-                c => cell.push(c),
+                    (Cell::Open, '"') => Cell::Closed,
+                    (Cell::Open, c) => {
+                        cell.push(c);
+                        Cell::Open
+                    }
+                    (state, c) if c == delimiter => {
+                        self.end_cell(&mut cell, state);
+                        Cell::Plain
+                    }
+                    // The end of the line.
+                    (state, '\r') if is_end => state,
+                    (_, '\r') => {
+                        return Err(self
+                            .bad("has a carriage return within it")
+                            .remedy("mend the line"));
+                    }
+                    (Cell::Closed, ' ') => Cell::Closed,
+                    (Cell::Closed, _) => {
+                        return Err(self
+                            .bad("something follows a quotation mark in its cell")
+                            .remedy(QUOTING));
+                    }
+                    (Cell::Plain, '"') if cell.trim().is_empty() => {
+                        cell.clear();
+                        Cell::Open
+                    }
+                    (Cell::Plain, '"') => {
+                        return Err(self
+                            .bad("a quotation mark is within a cell that has none before")
+                            .remedy(QUOTING));
+                    }
+                    (Cell::Plain, c) => {
+                        cell.push(c);
+                        Cell::Plain
+                    }
+                };
             }
+            if state != Cell::Open {
+                break;
+            }
+            limits::check("bytes of a value", cell.len() as u64, MOST_LINE)
+                .map_err(|_| self.not_closed())?;
+            self.broken += u64::from(!cell.contains('\n'));
+            cell.push('\n');
+            line = self.line()?.ok_or_else(|| self.not_closed())?;
         }
-        if quoted {
-            return Err(self.bad("a quotation mark is not closed on its line"));
-        }
-        self.row.push(&cell);
+        self.end_cell(&mut cell, state);
         Ok(())
+    }
+
+    fn end_cell(&mut self, cell: &mut String, state: Cell) {
+        self.row.text.push_str(cell);
+        self.row.ends.push((self.row.text.len(), state == Cell::Closed));
+        cell.clear();
+    }
+
+    fn not_closed(&self) -> Error {
+        self.bad("a quotation mark is not closed").remedy("close it, or double one that is text")
     }
 
     fn cell(&self, column: Option<usize>) -> Option<&str> {
@@ -340,12 +434,12 @@ impl Source {
         let value = |text: &str| match (text.parse(), number::whole(text.as_bytes())) {
             _ if text.is_empty() => Value::Null,
             (Ok(whole), _) => Value::Int(whole),
-            (_, Some(real)) if real.is_finite() => Value::Real(real),
+            (_, Some(real)) if real.is_finite() && text.trim() == text => Value::Real(real),
             _ => Value::Text(text.to_owned()),
         };
-        let cell = |at: usize| self.row.get(at).map_or("", str::trim);
         let named = self.columns.properties.iter();
-        Properties(named.map(|(at, name)| (name.clone(), value(cell(*at)))).collect())
+        let named = named.map(|(at, name)| (name.clone(), value(self.row.value(*at))));
+        Properties(named.collect())
     }
 
     fn position(&self, to: &mut Coordinates) -> Result<()> {
@@ -373,7 +467,7 @@ impl Source {
     }
 
     fn bad(&self, message: impl std::fmt::Display) -> Error {
-        Error::bad_input(message.to_string()).at(format!("line {}", self.line))
+        Error::bad_input(message.to_string()).at(format!("line {}", self.row_line))
     }
 }
 

@@ -77,16 +77,23 @@ impl FeatureSink for Sink {
         let mut pen = Pen::new(&rows, numbers);
         (pen.has_z, pen.has_m) = (this.has_z, this.has_m);
         pen.head(&rows, &mut out.buffer);
-        let mut empty = 0;
+        let (mut empty, mut single) = (0, 0);
         for at in 0..rows.len() {
             let row = rows.get(at)?;
             empty += u64::from(row.geometry.is_empty());
+            let is_line = !row.geometry.kind().is_points();
+            single += u64::from(is_line && row.geometry.vertices() == 1);
             pen.row(at, &row, &mut out.buffer);
             out.settle()?;
         }
         if empty > 0 {
             notes.push(format!(
                 "{empty} features without a vertex are left out: CSV has a line for each vertex"
+            ));
+        }
+        if single > 0 {
+            notes.push(format!(
+                "{single} lines of one vertex are read again as points: CSV has a row for each"
             ));
         }
         let (path, mut bytes) = out.commit()?;
@@ -115,7 +122,7 @@ impl Ids {
         let Some(id) = id_of(feature) else { return };
         let mut cell = Vec::new();
         push_text(&id, &mut cell);
-        let text = String::from_utf8_lossy(&cell).replace(['\n', '\r'], " ");
+        let text = String::from_utf8_lossy(&cell);
         let (text, whole) = (text.trim(), text.trim().parse::<i64>());
         if text.is_empty() {
             return;
@@ -237,11 +244,13 @@ impl Pen {
     }
 }
 
-/// Appends a cell, in quotation marks where it must be: a line that begins with # is a comment. Line
-/// breaks become spaces.
+/// Appends a cell, in quotation marks where it must be (RFC 4180): a line that begins with # is a comment,
+/// and white space around a cell does not count.
 fn push_cell(cell: &[u8], text: &mut Vec<u8>) {
     let is_special = |byte| matches!(byte, b',' | b'"' | b'\n' | b'\r' | b';' | b'\t');
-    let is_plain = !cell.starts_with(b"#") && !cell.iter().any(|&byte| is_special(byte));
+    let is_trimmed = String::from_utf8_lossy(cell).trim().len() == cell.len();
+    let is_plain =
+        is_trimmed && !cell.starts_with(b"#") && !cell.iter().any(|&byte| is_special(byte));
     if is_plain {
         text.extend_from_slice(cell);
         return;
@@ -250,7 +259,6 @@ fn push_cell(cell: &[u8], text: &mut Vec<u8>) {
     for &byte in cell {
         match byte {
             b'"' => text.extend_from_slice(b"\"\""),
-            b'\n' | b'\r' => text.push(b' '),
             byte => text.push(byte),
         }
     }
@@ -297,7 +305,7 @@ mod tests {
     fn shown(value: Option<Value>) -> String {
         let mut text = Vec::new();
         value.iter().for_each(|value| push_text(value, &mut text));
-        String::from_utf8(text).unwrap().trim().replace('\n', " ")
+        String::from_utf8(text).unwrap().trim().to_owned()
     }
 
     fn ids() -> impl Strategy<Value = Option<Id>> {

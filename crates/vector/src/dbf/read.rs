@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::encoding::Encoding;
 use super::{DELETED, HEADER_BYTES, HEADER_END};
-use crate::feature::{Field, FieldKind, Properties, Value};
+use crate::feature::{Field, FieldKind, Properties, Value, is_date};
 use crate::number;
 use crate::pages::Pages;
 use terrane_base::error::{Error, Result};
@@ -158,17 +158,21 @@ fn value(field: &Field, kind: u8, bytes: &[u8], encoding: &Encoding) -> Result<V
         },
         b'D' => match plain {
             b"" | b"00000000" => Ok(Value::Null),
-            _ if plain.len() == 8 && plain.is_ascii() => {
-                let [year, month, day] = [&plain[..4], &plain[4..6], &plain[6..]]
-                    .map(|part| String::from_utf8_lossy(part));
-                Ok(Value::Date(format!("{year}-{month}-{day}")))
-            }
-            _ => Err(wrong("date")),
+            _ => date(plain).map(Value::Date).ok_or_else(|| {
+                wrong("date of the calendar (YYYYMMDD)").remedy("correct it, or clear the field")
+            }),
         },
         // Asterisks are what dBASE writes where a number does not fit.
         _ if plain.iter().all(|&byte| byte == b'*') => Ok(Value::Null),
         _ => number(plain, field.kind).ok_or_else(|| wrong("number")),
     }
+}
+
+/// A day, from the eight digits that it is written as.
+fn date(digits: &[u8]) -> Option<String> {
+    let digits = std::str::from_utf8(digits).ok().filter(|digits| digits.len() == 8)?;
+    let day = format!("{}-{}-{}", digits.get(..4)?, digits.get(4..6)?, digits.get(6..)?);
+    is_date(&day).then_some(day)
 }
 
 /// A whole number, where it is written like one in a field of such.

@@ -192,7 +192,11 @@ fn geometry(
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
     let own = kind_of(view.u8(slot::GEOMETRY_KIND)?)?;
     let Some(kind) = own.or(known) else { return Ok(Geometry::null()) };
-    if matches!(kind, Kind::Collection | Kind::MultiPolygon) {
+    // A single polygon of several may do without a table of its own.
+    let is_flat = kind == Kind::MultiPolygon
+        && !view.list(slot::GEOMETRY_XY, 8)?.is_empty()
+        && view.tables(slot::GEOMETRY_PARTS)?.next().is_none();
+    if matches!(kind, Kind::Collection | Kind::MultiPolygon) && !is_flat {
         let part = (kind == Kind::MultiPolygon).then_some(Kind::Polygon);
         let mut parts = Vec::new();
         for table in view.tables(slot::GEOMETRY_PARTS)? {
@@ -218,7 +222,7 @@ fn geometry(
     if !fits(&found.z) || !fits(&found.m) || xy.len() % 16 != 0 {
         return Err(wrong());
     }
-    if matches!(kind, Kind::Polygon | Kind::MultiLineString) {
+    if matches!(kind, Kind::Polygon | Kind::MultiPolygon | Kind::MultiLineString) {
         let mut last = 0;
         for end in ends.as_chunks().0 {
             let end = u32::from_le_bytes(*end) as usize;

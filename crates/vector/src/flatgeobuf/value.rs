@@ -1,7 +1,7 @@
 //! Values of properties: the number of a column, and bytes after its type.
 
 use crate::feature::Field;
-use crate::feature::{FieldKind, Properties, Value};
+use crate::feature::{FieldKind, Properties, Value, is_date};
 use crate::pages::Bytes;
 use crate::table::push_text;
 use terrane_base::error::{Error, Result};
@@ -93,7 +93,7 @@ fn value(code: u8, bytes: &mut Bytes<'_>) -> Result<Value> {
             let text = text.map_err(|_| Error::bad_input("a text is not UTF-8"))?.to_owned();
             match code {
                 JSON => Value::Json(sound(text)?),
-                DATE_TIME if text.len() == 10 => Value::Date(text),
+                DATE_TIME if is_date(&text) => Value::Date(text),
                 DATE_TIME => Value::DateTime(text),
                 _ => Value::Text(text),
             }

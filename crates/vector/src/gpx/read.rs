@@ -237,6 +237,12 @@ impl Source {
             let event =
                 event.map_err(|e| Error::bad_input(format!("is not well-formed XML: {e}")))?;
             limits::check("bytes of a text", event.len() as u64, limits::MAX_HEADER_BYTES)?;
+            // Names, attributes and comments, too, though most of them are passed over.
+            if std::str::from_utf8(&event).is_err() {
+                let at = self.reader.buffer_position();
+                return Err(Error::bad_input(format!("is not UTF-8 before byte {at}"))
+                    .remedy("convert the file to UTF-8"));
+            }
             let text = |text: std::result::Result<std::borrow::Cow<'_, str>, _>| {
                 text.map(|text| Node::Text(text.into_owned())).map_err(|e| not_text(&e))
             };

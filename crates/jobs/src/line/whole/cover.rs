@@ -22,21 +22,21 @@
 //! **Why the number of vertices of a square is fixed** and does not follow the memory: what comes out
 //! depends on it.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use super::Whole;
 use super::gaps::Gaps;
 use super::input::Input;
-use super::kept::{Kept, Reader};
+use super::kept::Kept;
+use super::left::{Cutting, Left, Now, Parts};
 use super::moves::{self, Snapped};
-use super::own;
 use super::spool::{self, Spool, by_square};
-use super::square::{Flat, KEPT_VERTEX, MOST_PAIRS, Solved, VERTEX, World, solve};
+use super::square::{Flat, How, KEPT_VERTEX, MOST_PAIRS, Rounding, Solved, VERTEX, World, solve};
 use super::trial::{Leaves, Wanted};
 use crate::line::files::Files;
-use crate::line::part::{check, chosen};
+use crate::line::part::check;
 use crate::line::tool::Rule;
 use crate::line::{LineJob, LineReport, Measure, Topology};
 use crate::memory::short;
@@ -46,9 +46,9 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane;
 use terrane_files::lock;
 use terrane_line::Xy;
-use terrane_line::squares::{Place, Run, Squares, cut};
+use terrane_line::squares::{Place, Squares};
 use terrane_line::topology::{Collapse, conflict};
-use terrane_vector::{self as vector, Feature, OpenOptions, Part, Role};
+use terrane_vector::{self as vector, OpenOptions};
 
 /// Bytes for each segment that comes by a square.
 const OBSTACLE: u64 = 320;
@@ -60,9 +60,6 @@ const REST: u64 = 24 << 20;
 pub(super) fn beside(memory: u64) -> u64 {
     memory.saturating_sub(REST)
 }
-
-/// Numbers of parts.
-type Parts = BTreeSet<u64>;
 
 /// A job on all features.
 pub(super) struct Cover<'a> {
@@ -87,8 +84,10 @@ impl Cover<'_> {
         let squares = self.squares(input)?;
         let mut whole = Parts::new();
         loop {
-            let kept = Kept::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
-            let now = Now { squares: &squares, whole: &whole, kept: &kept };
+            let bits = || Kept::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
+            let (kept, rounded) = (bits(), self.job.decimals.map(|_| bits()));
+            let (squares, rounded) = (&squares, rounded.as_ref());
+            let now = Now { squares, whole: &whole, kept: &kept, rounded };
             let total = self.solve_all(input, &now, report)?;
             // A file that is written cannot be taken back.
             let may_turn = squares.count() > 1 || self.rule.collapse == Collapse::Drop;
@@ -100,7 +99,7 @@ impl Cover<'_> {
                 }
                 let unwanted = match wanted {
                     Some(wanted) => {
-                        let mut leaves = Left::new(now, self.rule.collapse);
+                        let mut leaves = self.left(now);
                         self.whole().unwanted(input, wanted, left.vertices, &mut leaves)?
                     }
                     None => None,
@@ -128,14 +127,19 @@ impl Cover<'_> {
         self.job.resources.memory
     }
 
-    /// Bytes beside features and squares: a bit by vertex for whether it is kept, where vertices are moved to
-    /// (from before they are moved), and the rest.
+    /// Bytes beside features and squares: bits by vertex, where vertices are moved to (from before they are
+    /// moved), and the rest.
     fn others(&self, input: &Input<'_>) -> u64 {
         let moved = match self.topology.snap > 0.0 {
             true => (input.vertices * size_of::<Xy>() as u64).min(moves::most_held(self.memory())),
             false => 0,
         };
-        input.vertices / 8 + moved + REST
+        self.bits(input) + moved + REST
+    }
+
+    /// Bytes of what is known of each vertex: whether it is kept, and rounded.
+    fn bits(&self, input: &Input<'_>) -> u64 {
+        input.vertices / 8 * (1 + u64::from(self.job.decimals.is_some()))
     }
 
     /// There is too little memory. Told is what is enough for a square that takes `square` bytes, whatever
@@ -205,25 +209,25 @@ impl Cover<'_> {
         ];
         let told = harm.iter().filter(|(count, _)| *count > 0);
         let told: Vec<_> = told.map(|(count, what)| format!("{count} {what}")).collect();
-        let snap = Some(self.topology.snap).filter(|snap| *snap > 0.0);
-        let by = [
-            snap.map(|snap| (format!("--snap {snap:?}"), "a smaller --snap")),
-            self.job.decimals.map(|n| (format!("--decimals {n}"), "more --decimals")),
-        ];
-        let (by, remedies): (Vec<_>, Vec<_>) = by.into_iter().flatten().unzip();
+        let snap = self.topology.snap;
         if !told.is_empty() {
+            let told = told.join(", ");
             notes.push(format!(
-                "with {}, {} that did not before; pass {}",
-                by.join(" and "),
-                told.join(", "),
-                remedies.join(", ")
+                "with --snap {snap:?}, {told} that did not before; pass a smaller --snap"
             ));
         }
         let (looked, all) = (total.pairs.len() as u64, total.crossings);
-        if !by.is_empty() && looked < all {
+        if snap > 0.0 && looked < all {
             notes.push(format!(
-                "{all} pairs of segments meet; whether they did before {} is known of {looked} only",
-                by.join(" and ")
+                "{all} pairs of segments meet; whether they did before --snap {snap:?} is known of \
+                 {looked} only"
+            ));
+        }
+        if let Some(decimals) = self.job.decimals.filter(|_| total.unrounded > 0) {
+            notes.push(format!(
+                "{} vertices keep their digits: rounded to {decimals} decimals they would make lines \
+                 touch, cross or change sides, or lie at the border of a square",
+                total.unrounded
             ));
         }
         Ok(notes)
@@ -277,8 +281,15 @@ impl Cover<'_> {
             let own = sides.partition_point(|(other, _)| (*other as usize) < square);
             let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
             world.sides = own.map(|(_, at)| *at).collect();
-            let solved = solve(&world, self.topology.strategy, self.rule, room, self.cancel)?;
+            let place = Mutex::new(Place::default());
+            let holds = |at: Xy| {
+                squares.count() == 1 || squares.of(at, &mut lock(&place)) == Some(square as u32)
+            };
+            let rounding = self.job.decimals.map(|decimals| Rounding { decimals, holds: &holds });
+            let how = How { strategy: self.topology.strategy, rule: self.rule, rounding };
+            let solved = solve(&world, &how, room, self.cancel)?;
             now.kept.set(square, &solved.bits)?;
+            now.rounded.map_or(Ok(()), |rounded| rounded.set(square, &solved.rounded))?;
             lock(&total).add(&solved, square, squares);
             self.progress.advance(1);
             Ok(())
@@ -299,6 +310,7 @@ impl Cover<'_> {
         report.refined = total.refined;
         report.input_crossings = total.crossings;
         report.collapsed = total.collapsed;
+        report.unrounded = total.unrounded;
         report.largest_distance = total.square.sqrt();
         Ok(total)
     }
@@ -308,7 +320,7 @@ impl Cover<'_> {
         let mut flat = Flat::default();
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
-                check(&part, self.rule.measure)?;
+                check(&part, self.rule)?;
                 flat.points.extend_from_slice(part.xy);
                 if self.rule.measure == Measure::Space {
                     flat.z.extend_from_slice(part.z);
@@ -331,7 +343,7 @@ impl Cover<'_> {
     /// Memory for squares that are worked on and for what waits for them.
     fn room(&self, input: &Input<'_>) -> u64 {
         let held = input.held().unwrap_or(0) + input.moves.held();
-        beside(self.memory()).saturating_sub(held + input.vertices / 8)
+        beside(self.memory()).saturating_sub(held + self.bits(input))
     }
 
     /// Sorts all parts into squares.
@@ -349,7 +361,7 @@ impl Cover<'_> {
         let mut parts = Cutting::new(squares);
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
-                check(&part, self.rule.measure)?;
+                check(&part, self.rule)?;
                 let number = parts.cut(&part);
                 spool.push(&part, &parts.runs, now.whole.contains(&number))
             })
@@ -390,9 +402,14 @@ impl Cover<'_> {
         workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
     }
 
+    /// What is left of all features, from the first one on.
+    fn left<'k>(&self, now: Now<'k>) -> Left<'k> {
+        Left::new(now, self.rule.collapse, self.job.decimals)
+    }
+
     /// Looks at what is left of all features.
     fn look<'k>(&self, input: &mut Input<'_>, now: &Now<'k>) -> Result<Left<'k>> {
-        let mut left = Left::new(*now, self.rule.collapse);
+        let mut left = self.left(*now);
         input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
         Ok(left)
     }
@@ -405,23 +422,13 @@ impl Cover<'_> {
         now: &Now<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
-        let mut left = Left::new(*now, self.rule.collapse);
+        let mut left = self.left(*now);
         let written = self.whole().write(input, &mut left, None)?;
         self.whole().note(input, written, report);
         (report.features, report.parts) = (left.features, left.parts.number);
         (report.vertices, report.kept) = (input.vertices, left.vertices);
         Ok(left.turned)
     }
-}
-
-/// What is known when all squares are done: twice, if rings have turned over.
-#[derive(Clone, Copy)]
-struct Now<'a> {
-    squares: &'a Squares,
-    /// Parts that stay whole.
-    whole: &'a Parts,
-    /// What is kept.
-    kept: &'a Kept,
 }
 
 /// Sums over squares.
@@ -431,6 +438,7 @@ struct Total {
     refined: u64,
     crossings: u64,
     collapsed: u64,
+    unrounded: u64,
     square: f64,
     /// Some of the pairs of segments that meet.
     pairs: Vec<[[Xy; 2]; 2]>,
@@ -442,6 +450,7 @@ impl Total {
         self.arcs += solved.arcs;
         self.refined += solved.refined;
         self.collapsed += solved.collapsed;
+        self.unrounded += solved.unrounded;
         self.square = self.square.max(solved.square);
         // Segments that meet come by a square together, maybe by several: the first one counts them.
         let mut near = [Vec::new(), Vec::new()];
@@ -456,109 +465,6 @@ impl Total {
         meeting.iter().for_each(|pair| self.gaps.add(*pair));
         let most = MOST_PAIRS.div_ceil(squares.count());
         self.pairs.extend(solved.pairs.iter().chain(&meeting).take(most));
-    }
-}
-
-/// Parts cut into runs, one after the other.
-struct Cutting<'a> {
-    squares: &'a Squares,
-    place: Place,
-    runs: Vec<Run>,
-    /// Parts so far.
-    number: u64,
-}
-
-impl<'a> Cutting<'a> {
-    fn new(squares: &'a Squares) -> Self {
-        Self { squares, place: Place::default(), runs: Vec::new(), number: 0 }
-    }
-
-    /// Fills the runs with those of the next part; returns its number.
-    fn cut(&mut self, part: &Part<'_>) -> u64 {
-        cut(part.xy, part.is_ring(), self.squares, &mut self.place, &mut self.runs);
-        self.number += 1;
-        self.number - 1
-    }
-}
-
-/// What is left of features, one after the other.
-struct Left<'a> {
-    parts: Cutting<'a>,
-    whole: &'a Parts,
-    kept: Reader<'a>,
-    collapse: Collapse,
-    indices: Vec<u32>,
-    /// The last outer ring, if nothing is kept of it.
-    gone: Option<u64>,
-    /// Parts that have to stay whole, and do not.
-    turned: Parts,
-    features: u64,
-    vertices: u64,
-}
-
-impl<'a> Left<'a> {
-    fn new(now: Now<'a>, collapse: Collapse) -> Self {
-        Self {
-            parts: Cutting::new(now.squares),
-            whole: now.whole,
-            kept: now.kept.reader(),
-            collapse,
-            indices: Vec::new(),
-            gone: None,
-            turned: Parts::new(),
-            features: 0,
-            vertices: 0,
-        }
-    }
-
-    fn part(&mut self, part: &Part<'_>) -> Result<vector::Kept> {
-        let number = self.parts.cut(part);
-        let is_cut = self.parts.runs.len() > 1;
-        let count = part.xy.len() - usize::from(is_cut && part.is_ring());
-        self.kept.part(&self.parts.runs, count, &mut self.indices)?;
-        let is_whole = self.whole.contains(&number);
-        let kept = match part.is_ring() {
-            true if is_whole || self.indices.len() == part.xy.len() => Some(vector::Kept::All),
-            true if is_cut => own::ring(part.xy, &self.indices, self.collapse),
-            _ => Some(chosen(&self.indices)),
-        };
-        if kept.is_none() {
-            self.turned.insert(number);
-        }
-        let kept = kept.unwrap_or(vector::Kept::All);
-        self.note_outer(part.role, number, kept == vector::Kept::Nothing);
-        Ok(kept)
-    }
-
-    /// A polygon without its outer ring is nothing: that ring stays whole where a hole does not go, as one
-    /// that lies outside of it may not.
-    fn note_outer(&mut self, role: Role, number: u64, is_gone: bool) {
-        match (role, self.gone) {
-            (Role::Hole, Some(outer)) if !is_gone => {
-                self.turned.insert(outer);
-            }
-            (Role::Hole, _) => {}
-            _ => self.gone = is_gone.then_some(number),
-        }
-    }
-}
-
-impl Leaves for Left<'_> {
-    fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
-        let mut failed = Ok(());
-        let geometry = feature.geometry.keep(|_, part| {
-            self.part(&part).unwrap_or_else(|e| {
-                failed = Err(e);
-                vector::Kept::All
-            })
-        });
-        self.features += 1;
-        self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
-        failed.map(|()| geometry)
-    }
-
-    fn may_appear(&self) -> bool {
-        self.turned.is_empty()
     }
 }
 

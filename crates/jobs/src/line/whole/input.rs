@@ -87,10 +87,6 @@ impl<'a> Input<'a> {
             bytes: 0,
             is_held: true,
         };
-        // Rounding waits for snapping.
-        if job.topology.as_ref().is_some_and(|topology| topology.snap == 0.0) {
-            input.moves.decimals = job.decimals;
-        }
         progress.begin("read", files.pairs.len() as u64);
         for pair in &files.pairs {
             input.collect(pair, most, store, cancel)?;
@@ -161,9 +157,9 @@ impl<'a> Input<'a> {
         self.seen.add(&feature.geometry, moved.as_ref())
     }
 
-    /// From now on shows features snapped and rounded.
+    /// From now on shows features snapped.
     pub(super) fn snap(&mut self, snapped: Snapped, cancel: &Cancel) -> Result<()> {
-        self.moves = Moves { snapped: Some(snapped), decimals: self.job.decimals };
+        self.moves = Moves { snapped: Some(snapped) };
         let mut seen = Seen::default();
         self.visit_moves(cancel, |before, after| seen.add(before, Some(after)))?;
         self.seen = seen;

@@ -1,12 +1,9 @@
-//! Vertices moved before all else: those that are nearly one made one, then all of them rounded to the
-//! decimals that are written. So what is judged is what is written.
+//! Vertices that are nearly one made one, before all else.
 //!
-//! Snapping and rounding are done to features as they are read, before squares and arcs, so that topology
-//! is judged on the very numbers that are written. To round afterwards would need a second judgement
-//! across squares, as what is moved no longer lies in the hull of its square. Snapping is greedy, so it
-//! is done square after square: what has stayed near a border is an anchor for squares to come, and where
-//! each vertex went is spooled in the order in which the input comes by it. What the moves themselves
-//! spoil cannot be mended by keeping more; it is counted, from the segments that meet and what they were
+//! Snapping is done to features as they are read, before squares and arcs. It is greedy, so it is done
+//! square after square: what has stayed near a border is an anchor for squares to come, and where each
+//! vertex went is spooled in the order in which the input comes by it. What the moves themselves spoil
+//! cannot be mended by keeping more; it is counted, from the segments that meet and what they were
 //! before, and told.
 
 use std::cmp::Ordering;
@@ -20,13 +17,12 @@ use terrane_base::geom::plane::{area_sign, key};
 use terrane_files::Buckets;
 use terrane_line::squares::{Place, Squares, cut};
 use terrane_line::{Xy, arcs};
-use terrane_vector::{self as vector, Geometry, Part};
+use terrane_vector::{Geometry, Part};
 
 /// Where vertices go.
 #[derive(Default)]
 pub(super) struct Moves {
     pub(super) snapped: Option<Snapped>,
-    pub(super) decimals: Option<u8>,
 }
 
 impl Moves {
@@ -39,22 +35,15 @@ impl Moves {
 
     /// Whether vertices stay where they are.
     pub(super) fn is_none(&self) -> bool {
-        self.snapped.is_none() && self.decimals.is_none()
+        self.snapped.is_none()
     }
 
     /// The next geometry with its vertices where they go; `None` where none is moved.
     pub(super) fn apply(&mut self, geometry: &Geometry) -> Result<Option<Geometry>> {
-        if self.is_none() {
-            return Ok(None);
-        }
+        let Some(snapped) = &mut self.snapped else { return Ok(None) };
         let mut places = Vec::with_capacity(geometry.vertices());
         geometry.parts().for_each(|part| places.extend_from_slice(part.xy));
-        if let Some(snapped) = &mut self.snapped {
-            places.iter_mut().try_for_each(|at| snapped.next(at))?;
-        }
-        if let Some(decimals) = self.decimals {
-            places.iter_mut().for_each(|at| *at = at.map(|c| vector::rounded(c, decimals)));
-        }
+        places.iter_mut().try_for_each(|at| snapped.next(at))?;
         let mut moved = geometry.clone();
         moved.place_parts(&mut places.into_iter());
         Ok(Some(moved))

@@ -67,6 +67,8 @@ fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
 /// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box
 /// around all of them.
 fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Profile, f64)> {
+    // Thresholds of all sizes are asked for, so coordinates may be as small as they are.
+    let rule = &Rule { threshold: f64::MAX, ..*rule };
     let state = Mutex::new((Profile::default(), None));
     let add = |feature: &Feature, own: Option<&trees::Trees>| {
         let thresholds = trees::thresholds(&feature.geometry, own, rule)?;

@@ -14,13 +14,14 @@ use crate::line::part::chosen;
 use crate::line::tool::{Rule, Task, Tool, Vertex};
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
+use terrane_base::geom::plane::key;
 use terrane_line::arcs::Arcs;
 use terrane_line::topology::{
-    Chains, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining,
+    Chains, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining, round,
     untangle_within,
 };
 use terrane_line::{Metric, Scratch, Xy};
-use terrane_vector::Kept;
+use terrane_vector::{self as vector, Kept};
 
 /// Most pairs of segments that are remembered, of those that meet.
 pub(super) const MOST_PAIRS: usize = 1 << 16;
@@ -77,6 +78,10 @@ pub(super) struct World {
 pub(super) struct Solved {
     /// The vertices that are kept.
     pub(super) bits: BitSet,
+    /// Those of them that are rounded; of no length where none is to be.
+    pub(super) rounded: BitSet,
+    /// How many keep digits that they were not to keep.
+    pub(super) unrounded: u64,
     pub(super) arcs: u64,
     pub(super) refined: u64,
     pub(super) collapsed: u64,
@@ -98,15 +103,25 @@ pub(super) const VERTEX: u64 = 112;
 /// Bytes for each vertex where all of them are kept.
 pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
 
+/// How what is kept is rounded.
+pub(super) struct Rounding<'a> {
+    /// Digits behind the point.
+    pub(super) decimals: u8,
+    /// Whether a position is in the square: vertices do not leave it.
+    pub(super) holds: &'a dyn Fn(Xy) -> bool,
+}
+
+/// How a square is simplified.
+pub(super) struct How<'a> {
+    pub(super) strategy: Strategy,
+    pub(super) rule: &'a Rule,
+    pub(super) rounding: Option<Rounding<'a>>,
+}
+
 /// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
 /// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
-pub(super) fn solve(
-    world: &World,
-    strategy: Strategy,
-    rule: &Rule,
-    room: u64,
-    cancel: &Cancel,
-) -> Result<Solved> {
+pub(super) fn solve(world: &World, how: &How<'_>, room: u64, cancel: &Cancel) -> Result<Solved> {
+    let &How { strategy, rule, .. } = how;
     let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
     let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
     let mut whole = world.whole.clone();
@@ -118,6 +133,9 @@ pub(super) fn solve(
         let mut solved = made.solved(world);
         let spoiled = made.own_bits(world, &whole, rule, &mut solved.bits);
         if spoiled.is_empty() {
+            if let Some(rounding) = &how.rounding {
+                made.round(world, rounding, &mut solved, cancel)?;
+            }
             return Ok(solved);
         }
         whole.extend(spoiled);
@@ -209,6 +227,43 @@ impl Made {
             }
         }
         spoiled
+    }
+}
+
+impl Made {
+    /// Sets the bits of what is rounded. The ends of segments that cross over stay.
+    fn round(
+        &self,
+        world: &World,
+        rounding: &Rounding<'_>,
+        solved: &mut Solved,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let mut fixed: Vec<_> = world.obstacles.as_flattened().iter().map(|at| key(*at)).collect();
+        fixed.sort_unstable();
+        let wanted = |at: Xy| at.map(|c| vector::rounded(c, rounding.decimals));
+        let place = |at: Xy| {
+            let to = wanted(at);
+            let stays = !(rounding.holds)(to) || fixed.binary_search(&key(at)).is_ok();
+            if stays { at } else { to }
+        };
+        let (arcs, kept) = (self.arcs.chains(), &self.outcome.kept);
+        let rounded = round(&arcs, kept, &world.sides, place, Some(cancel))?;
+        solved.rounded = BitSet::new(world.flat.points.len());
+        for (run, is_ring) in world.flat.closed.iter().enumerate() {
+            let own = world.flat.starts[run]..world.flat.starts[run + 1];
+            let last = own.end - 1;
+            for vertex in own.filter(|vertex| solved.bits.contains(*vertex)) {
+                let at = world.flat.points[vertex];
+                let is_wanted = rounded.of(at) == wanted(at);
+                if is_wanted {
+                    solved.rounded.insert(vertex);
+                }
+                let is_again = *is_ring && vertex == last;
+                solved.unrounded += u64::from(!is_wanted && !is_again);
+            }
+        }
+        Ok(())
     }
 }
 

@@ -212,9 +212,8 @@ impl Rules {
         let text = text(value);
         match self.holds.values {
             Values::Dbase => text.trim_end_matches([' ', '\0']).to_owned(),
-            Values::Cells | Values::Named(_) => {
-                text.replace(|c: char| c.is_control(), " ").trim().to_owned()
-            }
+            Values::Cells => text.trim().to_owned(),
+            Values::Named(_) => text.replace(|c: char| c.is_control(), " ").trim().to_owned(),
             _ => text,
         }
     }

@@ -53,6 +53,15 @@ impl Own {
         Self { parts, points, facts, stamp }
     }
 
+    /// A line of one vertex as a point: a table with a row for each vertex does not tell them apart.
+    pub(super) fn one_row(mut self) -> Self {
+        let is_row = |parts: &[OwnPart]| matches!(parts, [part] if part.points.len() == 1);
+        if is_row(&self.parts) && self.points.points.is_empty() {
+            self.points = self.parts.remove(0);
+        }
+        self
+    }
+
     /// All of its vertices.
     pub(super) fn vertices(&self) -> impl Iterator<Item = &[f64; 3]> {
         self.parts.iter().chain([&self.points]).flat_map(|part| &part.points)

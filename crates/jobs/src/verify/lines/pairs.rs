@@ -225,9 +225,18 @@ impl<'a> Pairs<'a> {
     fn own(&self, feature: &Feature, facts: Facts, source: &dyn FeatureSource) -> Result<Own> {
         let needed = PROGRAM + 2 * OWN_VERTEX * feature.geometry.vertices() as u64;
         let own = Own::new(feature, facts);
+        let own = if self.format.holds.values == Values::Cells { own.one_row() } else { own };
         // Products of larger ones could not be told exactly.
         if own.vertices().flatten().any(|v| v.abs() >= 1e130) {
             return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.place()));
+        }
+        // Squares of distances between smaller ones are 0.
+        let is_fine = self.job.tolerance.is_some_and(|tolerance| tolerance.value < 1e-50);
+        if is_fine && own.vertices().flatten().any(|v| *v != 0.0 && v.abs() < 1e-59) {
+            let message = "a coordinate below 1e-59 is too small for distances to be computed";
+            return Err(Error::bad_input(message)
+                .at(source.place())
+                .remedy("pass --tolerance 1e-50 or more"));
         }
         if needed > self.job.resources.memory.max(LEAST) {
             let mib = needed.div_ceil(1 << 20);
