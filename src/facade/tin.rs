@@ -19,7 +19,7 @@ use terrane_raster::{self as raster, ArraySample, OpenOptions};
 /// A triangle mesh in memory.
 ///
 /// Vertices are samples of the grid it was made from; triangles refer to them by index and are
-/// counter-clockwise seen from above. The mesh is Delaunay (unless
+/// counter-clockwise seen from above. The mesh is Delaunay on the lattice of samples (unless
 /// [asked not to be](TinBuilder::data_dependent)), has no cracks, and covers every cell whose
 /// four samples are valid, and nothing else.
 ///

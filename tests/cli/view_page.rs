@@ -37,6 +37,26 @@ fn a_page_of_each_kind_is_one_file_that_loads_nothing() {
     assert_eq!(place.files().len(), before + jobs.len(), "a file each");
 }
 
+/// Samples on edges and at vertices are in several triangles, and count once; so they do in the proof.
+#[test]
+fn a_page_counts_each_sample_once() {
+    let place = place();
+    let flat = "ncols 9\nnrows 7\nxllcorner 0\nyllcorner 0\ncellsize 10\nNODATA_value -9\n";
+    let heights: Vec<String> = (0..63).map(|i| (i * 37 % 23).to_string()).collect();
+    place.write("all.asc", format!("{flat}{}\n", heights.join(" ")));
+    place.write("void.asc", format!("{flat}{}\n", heights.join(" ").replacen("22", "-9", 1)));
+    for (grid, error, samples) in
+        [("dem.tif", "5", 65 * 65), ("all.asc", "0", 63), ("void.asc", "0", 62)]
+    {
+        place.ok(&["tin", grid, "m.ply", "--max-error", error, "--overwrite"]);
+        place.ok(&["view", "m.ply", "--html", "m.html", "--against", grid, "--overwrite"]);
+        let page = String::from_utf8(place.bytes("m.html")).unwrap();
+        let told = format!("[\"Samples compared\",{samples}]");
+        let found = page.split("Samples compared").nth(1).map(|rest| &rest[..rest.len().min(20)]);
+        assert!(page.contains(&told), "{grid}: {told}: {found:?}");
+    }
+}
+
 #[test]
 fn what_a_page_cannot_do_is_refused() {
     let place = place();

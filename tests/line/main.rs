@@ -9,5 +9,6 @@ mod doors;
 mod faults;
 mod files;
 mod squares;
+mod systems;
 mod topology;
 mod worlds;

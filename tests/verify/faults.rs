@@ -85,8 +85,46 @@ fn a_delaunay_mesh_has_no_non_delaunay_edge_and_a_flip_makes_one() {
     let flipped = (0..mesh.triangles.len()).find_map(|t| flip(&mesh, t)).unwrap();
     mesh.triangles = flipped;
     let report = check(&mesh, &grid, Some(1e-9));
-    assert!(report.verdict.passed, "non-Delaunay edges do not fail: {:?}", report.verdict.failures);
-    assert!(report.non_delaunay_edges.count >= 1);
+    assert!(
+        report.verdict.passed,
+        "another's mesh promises nothing: {:?}",
+        report.verdict.failures
+    );
+    assert!(report.non_delaunay_edges.count >= 1 && !report.delaunay);
+    let comment = |text: &str| ("comment".to_owned(), text.to_owned());
+    mesh.info.details = vec![comment("terrane 0.1.0")];
+    let failures = check(&mesh, &grid, Some(1e-9)).verdict.failures;
+    assert_eq!(failures.len(), 1);
+    assert!(failures[0].contains("not Delaunay on the lattice of samples"), "{failures:?}");
+    mesh.info.details.push(comment("triangulation data-dependent"));
+    assert!(check(&mesh, &grid, Some(1e-9)).verdict.passed);
+}
+
+/// Fitted heights: each vertex of the surface moved in turn, within the bound.
+#[test]
+fn a_fitted_vertex_on_the_outline_has_the_height_of_its_sample() {
+    let mut grid = rough();
+    for (col, row) in [(3, 3), (9, 0), (10, 6)] {
+        grid.set(col, row, f64::NAN);
+    }
+    let mut mesh = split_cells(&grid);
+    mesh.info.details = ["terrane 0.1.0", "fitted heights"]
+        .map(|text| ("comment".to_owned(), text.to_owned()))
+        .to_vec();
+    assert_sound(&check(&mesh, &grid, Some(1.0)));
+    let mut inside = 0;
+    for id in 0..mesh.vertices.len() {
+        let [x, y, z] = mesh.vertices[id];
+        let around = [(0, 0), (-1, 0), (0, -1), (-1, -1)];
+        let is_inside = around.iter().all(|(c, r)| grid.is_surface(x as i64 + c, -y as i64 + r));
+        mesh.vertices[id][2] = z + 0.2;
+        let report = check(&mesh, &grid, Some(1.0));
+        let off = u64::from(!is_inside);
+        assert_eq!((report.of.off_sample_vertices.count, report.verdict.passed), (off, is_inside));
+        mesh.vertices[id][2] = z;
+        inside += u64::from(is_inside);
+    }
+    assert!(inside > 20 && inside < mesh.vertices.len() as u64 / 2 + 20, "{inside}");
 }
 
 /// Flips the first side of triangle `t`, where that leaves two proper triangles.

@@ -7,6 +7,7 @@ mod support;
 mod angles;
 mod breaklines;
 mod faults;
+mod headers;
 mod kept;
 mod quality;
 mod samples;

@@ -23,6 +23,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     carries: Carries::Nothing,
     can_be_solid: false,
     states_unit: false,
+    names_crs: true,
     admits: |_| Ok(()),
     most,
     create,
@@ -48,15 +49,28 @@ fn most() -> MeshCapacity {
     }
 }
 
+/// Units of all coordinates: metres in one, the number that stands for it, and its name.
+const UNITS: [(f64, u8, &str); 3] =
+    [(1.0, 6, "metre"), (0.3048, 2, "foot"), (1200.0 / 3937.0, 21, "US survey foot")];
+/// The variable that tells the unit.
+const UNIT: &str = "$INSUNITS";
+
 /// The number that stands for the unit of all coordinates of a system; 0 for none, where there is no such or
 /// heights have another.
 fn unit(crs: &Crs) -> u8 {
-    const KNOWN: [(f64, u8); 3] = [(1.0, 6), (0.3048, 2), (1200.0 / 3937.0, 21)];
     let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
     let Some(metres) = crs.horizontal_metres() else { return 0 };
     let is_one = crs.vertical_metres().is_none_or(|up| is(up, metres));
-    let found = KNOWN.iter().find(|(known, _)| is_one && is(*known, metres));
-    found.map_or(0, |(_, number)| *number)
+    let found = UNITS.iter().find(|(known, ..)| is_one && is(*known, metres));
+    found.map_or(0, |(_, number, _)| *number)
+}
+
+/// The name of the unit that a number stands for.
+fn unit_name(number: &[u8]) -> Option<String> {
+    let number = String::from_utf8_lossy(number);
+    let known = UNITS.iter().find(|(_, known, _)| number.parse() == Ok(*known));
+    let other = || format!("{UNIT} {number}");
+    (number != "0").then(|| known.map_or_else(other, |(.., name)| (*name).to_owned()))
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
@@ -64,7 +78,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     let comments = comments.iter().map(|text| format!("999\n{text}\n")).collect::<String>();
     let unit = unit(&header.crs);
     let head = format!(
-        "{comments}0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1009\n9\n$INSUNITS\n70\n{unit}\n0\nENDSEC\n\
+        "{comments}0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1009\n9\n{UNIT}\n70\n{unit}\n0\nENDSEC\n\
          0\nSECTION\n2\nENTITIES\n"
     );
     FileSink::create(path, options, DxfEncoder { head })
@@ -214,10 +228,15 @@ impl DxfSource {
         let (mut comments, mut others, mut section) = (Vec::new(), 0_u64, Vec::new());
         let mut pairs = Pairs::new(&input, Mark { offset: 0, line: 1, vertices: 0 });
         let (mut is_section, mut is_over) = (false, false);
+        let (mut is_unit, mut unit) = (false, None);
         while !is_over && pairs.advance()? {
             if is_section && pairs.code == 2 {
                 section = pairs.value().to_vec();
             }
+            if is_unit && pairs.code == 70 {
+                unit = unit_name(pairs.value());
+            }
+            is_unit = pairs.is(9, UNIT);
             is_section = pairs.is(0, "SECTION");
             is_over = pairs.is(0, "EOF");
             match pairs.code {
@@ -236,7 +255,7 @@ impl DxfSource {
         if faces.count() == 0 && comments.is_empty() {
             return Err(input.unsupported("has no 3DFACE among its entities"));
         }
-        let info = info(faces.count(), comments, others);
+        let info = info(faces.count(), comments, (unit, others));
         drop(pairs);
         Ok(Self { input, faces, info })
     }
@@ -267,12 +286,13 @@ impl DxfSource {
     }
 }
 
-fn info(triangles: u64, comments: Vec<String>, others: u64) -> MeshInfo {
+fn info(triangles: u64, comments: Vec<String>, (unit, others): (Option<String>, u64)) -> MeshInfo {
     let crs = comments.iter().find_map(|text| text.strip_prefix(text::CRS)).map(str::to_owned);
     let others = (others > 0)
         .then(|| ("passed over".to_owned(), format!("{others} entities that are no 3DFACE")));
     let comments = comments.into_iter().map(|text| ("comment".to_owned(), text));
-    let details = comments.chain(others).collect();
+    let unit = unit.map(|unit| ("unit".to_owned(), unit));
+    let details = comments.chain(unit).chain(others).collect();
     let plain = MeshInfo::plain(FORMAT.name, 3 * triangles, triangles);
     MeshInfo { crs, details, indexed: false, ..plain }
 }

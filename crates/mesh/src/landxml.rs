@@ -25,6 +25,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     carries: Carries::Nothing,
     can_be_solid: false,
     states_unit: false,
+    names_crs: true,
     admits: |crs| unit(crs).map(drop),
     most,
     create,
@@ -232,6 +233,7 @@ struct Found {
     surfaces: u64,
     is_landxml: bool,
     crs: Option<String>,
+    systems: Vec<String>,
     unit: Option<String>,
     comments: Vec<String>,
 }
@@ -289,7 +291,8 @@ impl Found {
             self.unit = tag.attribute("linearUnit")?;
         } else if tag.is("CoordinateSystem") {
             let code = tag.attribute("epsgCode")?.map(|code| format!("EPSG:{code}"));
-            self.crs = tag.attribute("desc")?.or(code).or(tag.attribute("name")?);
+            self.crs = tag.attribute("desc")?.or(code.clone()).or(tag.attribute("name")?);
+            self.systems.extend(code.into_iter().chain(tag.attribute("ogcWktCode")?));
         } else if tag.is("Property")
             && self.comments.len() < MOST_COMMENTS
             && tag.attribute("label")?.as_deref() == Some("comment")
@@ -303,7 +306,8 @@ impl Found {
         let comments = self.comments.into_iter().map(|text| ("comment".to_owned(), text));
         let unit = self.unit.map(|unit| ("unit".to_owned(), unit));
         let details = comments.chain(unit).collect();
-        MeshInfo { crs: self.crs, details, ..MeshInfo::plain(FORMAT.name, points, faces) }
+        let (crs, systems) = (self.crs, self.systems);
+        MeshInfo { crs, systems, details, ..MeshInfo::plain(FORMAT.name, points, faces) }
     }
 }
 

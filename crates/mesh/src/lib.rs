@@ -29,6 +29,7 @@ use terrane_files::format::{self, Format};
 
 pub use channels::{Carries, Channel, ChannelKind, is_colour};
 pub use sidecar::{check_prj, prj_path, write_prj};
+pub use text::{is_mark, plain};
 
 /// Every mesh format. A new one is a file in this folder and a line here. Of two whose endings fit, the first
 /// is meant.
@@ -192,6 +193,8 @@ pub struct MeshInfo {
     pub solid: bool,
     /// The `crs` comment, where the file has one.
     pub crs: Option<String>,
+    /// Where else the file names its reference system: codes ("EPSG:32632") and well-known text.
+    pub systems: Vec<String>,
     /// What vertices have beside their positions, by name: the three or four of a colour, or bands.
     pub channels: Vec<String>,
     /// Free facts for `terrane info`.
@@ -225,6 +228,8 @@ pub struct MeshFormat {
     pub can_be_solid: bool,
     /// True when the file always says which length its unit is.
     pub states_unit: bool,
+    /// True when the file has room for the name of its reference system.
+    pub names_crs: bool,
     /// Fails where the format cannot say what the coordinates of a system are.
     pub admits: fn(&Crs) -> Result<()>,
     /// Most vertices and triangles the format can hold.

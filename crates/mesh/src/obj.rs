@@ -22,6 +22,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     carries: Carries::Nothing,
     can_be_solid: false,
     states_unit: false,
+    names_crs: true,
     admits: |_| Ok(()),
     most,
     create,

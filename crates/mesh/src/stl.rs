@@ -24,6 +24,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     carries: Carries::Nothing,
     can_be_solid: true,
     states_unit: false,
+    names_crs: false,
     admits: |_| Ok(()),
     most,
     create,
@@ -38,6 +39,11 @@ const BOUND: &str = "max error ";
 const OF: &str = "bound ";
 const FITTED: &str = "fitted ";
 const ANGLE: &str = "min angle ";
+const TRIANGULATION: &str = "triangulation ";
+/// All of them, in the order that they are written in.
+const STATED: [&str; 5] = [BOUND, OF, FITTED, ANGLE, TRIANGULATION];
+/// Words of a title up to the origin's last number: see [`ORIGIN`].
+const PLACE_WORDS: usize = 5;
 /// What a file has to state, the option that it comes from, and what it says.
 const NEEDED: [(&str, &str, &str); 2] =
     [(FITTED, "--fit", "that heights are fitted"), (ANGLE, "--min-angle", "the smallest angle")];
@@ -71,9 +77,8 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 fn bound(comments: &[String]) -> Option<String> {
     let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
     let tolerance = stated.and_then(|rest| rest.split_whitespace().next())?;
-    let more =
-        [OF, FITTED, ANGLE].map(|key| comments.iter().find(|comment| comment.starts_with(key)));
-    let more = more.into_iter().flatten().map(String::as_str);
+    let of = |key: &&str| comments.iter().find(|comment| comment.starts_with(key));
+    let more = STATED[1..].iter().filter_map(of).map(String::as_str);
     Some(std::iter::once(tolerance).chain(more).collect::<Vec<_>>().join(" "))
 }
 
@@ -245,18 +250,40 @@ impl StlSource {
             indexed: false,
             solid: known.is_some() && is_solid(&input, triangles)?,
             crs: None,
+            systems: Vec::new(),
             channels: Vec::new(),
             details: Vec::new(),
         };
-        let stated = |key: &str| {
-            let (_, value) = title.split_once(key).filter(|_| known.is_some())?;
-            Some((key.trim_end().to_owned(), value.to_owned()))
-        };
-        let bound = [BOUND, OF, FITTED, ANGLE].into_iter().filter_map(stated);
-        let details = std::iter::once(("title".to_owned(), title.clone())).chain(bound).collect();
+        let stated = known.map_or_else(Vec::new, |_| statements(&title));
+        let details = std::iter::once(("title".to_owned(), title)).chain(stated).collect();
         let info = MeshInfo { details, ..info };
         Ok(Self { input, info })
     }
+}
+
+/// What a title of ours states behind the origin and the scale: a word for each key, and what is no statement as
+/// a comment.
+fn statements(title: &str) -> Vec<(String, String)> {
+    let all: Vec<&str> = title.split_whitespace().collect();
+    let scale = if all.get(PLACE_WORDS) == Some(&SCALE.trim()) { 4 } else { 0 };
+    let mut words = all.get(PLACE_WORDS + scale..).unwrap_or_default();
+    let (mut stated, mut unknown) = (Vec::new(), Vec::new());
+    while let [first, rest @ ..] = words {
+        let starts = |key: &&&str| key.split_whitespace().zip(words).all(|(a, b)| a == *b);
+        let Some(key) = STATED.iter().find(starts) else {
+            unknown.push(*first);
+            words = rest;
+            continue;
+        };
+        let length = key.split_whitespace().count();
+        let value = words.get(length).copied().unwrap_or_default();
+        stated.push((key.trim_end().to_owned(), value.to_owned()));
+        words = words.get(length + 1..).unwrap_or_default();
+    }
+    if !unknown.is_empty() {
+        stated.push(("comment".to_owned(), unknown.join(" ")));
+    }
+    stated
 }
 
 /// True where the second of our triangles is the first one at the bottom: see [`Solid`]. No surface seen
@@ -384,6 +411,22 @@ mod tests {
             let error = title(full, None, bound.as_deref()).unwrap_err().to_string();
             assert!(error.contains(option), "{error}");
         }
+    }
+
+    #[test]
+    fn statements_are_a_word_for_each_key() {
+        let stated = |rest: &str| {
+            let found = statements(&format!("terrane origin 1 2 3{rest}"));
+            found.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>()
+        };
+        assert_eq!(stated(""), [""; 0]);
+        let all = " max error 1.5 bound surface fitted heights min angle 20 triangulation x";
+        let each =
+            ["max error=1.5", "bound=surface", "fitted=heights", "min angle=20", "triangulation=x"];
+        assert_eq!(stated(all), each);
+        assert_eq!(stated(&format!(" scale 4 5 6{all}")), each);
+        let other = stated(" max error 1.5 bounds surface min angles 20 bound");
+        assert_eq!(other, ["max error=1.5", "bound=", "comment=bounds surface min angles 20"]);
     }
 
     #[test]

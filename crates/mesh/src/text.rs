@@ -1,6 +1,6 @@
 //! Numbers and comments as text.
 
-use crate::{MeshHeader, MeshInfo};
+use crate::{FORMATS, MeshHeader, MeshInfo};
 
 /// Appends the shortest text that reads back as exactly `value` (finite): "12", "0.1", "1e300".
 pub(super) fn push_f64(value: f64, text: &mut Vec<u8>) {
@@ -66,6 +66,7 @@ impl MeshInfo {
             indexed: true,
             solid: false,
             crs: None,
+            systems: Vec::new(),
             channels: Vec::new(),
             details: Vec::new(),
         }
@@ -74,18 +75,28 @@ impl MeshInfo {
     /// True when the file bears this program's mark: its name and version, or in STL the recorded
     /// origin.
     pub fn is_own(&self) -> bool {
-        let is_mark = |text: &str| {
-            let rest = text.strip_prefix("terrane ");
-            rest.is_some_and(|rest| {
-                rest.starts_with("origin ") || rest.starts_with(|c: char| c.is_ascii_digit())
-            })
-        };
         let keys = ["comment", "generator", "title"];
         self.details.iter().any(|(key, text)| keys.contains(&key.as_str()) && is_mark(text))
     }
 }
 
-fn plain(line: &str) -> String {
+impl MeshInfo {
+    /// True where the format has room for the name of a reference system, and for all else that is stated.
+    pub fn names_crs(&self) -> bool {
+        FORMATS.iter().all(|format| format.name != self.format || format.names_crs)
+    }
+}
+
+/// True for the name and version of this program, and for what its STL files begin with.
+pub fn is_mark(text: &str) -> bool {
+    let rest = text.strip_prefix("terrane ");
+    rest.is_some_and(|rest| {
+        rest.starts_with("origin ") || rest.starts_with(|c: char| c.is_ascii_digit())
+    })
+}
+
+/// A line as comments hold it: printable ASCII, with a question mark for all else.
+pub fn plain(line: &str) -> String {
     line.chars().map(|c| if c.is_ascii() && !c.is_ascii_control() { c } else { '?' }).collect()
 }
 

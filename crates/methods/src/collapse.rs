@@ -30,6 +30,7 @@ pub(crate) const COLLAPSE: Method = Method {
     memory: "the grid, a mesh of all samples, and a heap of its edges",
     promise: Promise::Samples,
     takes_triangulation: false,
+    is_delaunay: false,
     takes_budget: true,
     sample_bytes: 600,
     run,

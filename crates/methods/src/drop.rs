@@ -32,6 +32,7 @@ pub(crate) const DROP: Method = Method {
     memory: "the grid, and a mesh of all samples",
     promise: Promise::Samples,
     takes_triangulation: false,
+    is_delaunay: true,
     takes_budget: true,
     sample_bytes: 340,
     run,

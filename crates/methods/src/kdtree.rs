@@ -30,6 +30,7 @@ pub(crate) const KDTREE: Method = Method {
     memory: "the grid, the mesh, and a number for each sample",
     promise: Promise::Samples,
     takes_triangulation: false,
+    is_delaunay: false,
     takes_budget: false,
     sample_bytes: 180,
     run,

@@ -43,6 +43,8 @@ pub struct Method {
     pub promise: Promise,
     /// Whether it leaves open how vertices are connected.
     pub takes_triangulation: bool,
+    /// Whether its triangles are Delaunay on the lattice of samples, unless another triangulation is asked for.
+    pub is_delaunay: bool,
     /// Whether it can be given a number of vertices or triangles instead of a largest error.
     pub takes_budget: bool,
     /// Most bytes it takes for a sample, its height and the result included.

@@ -32,6 +32,7 @@ pub(crate) const RTIN: Method = Method {
     memory: "the grid, the mesh, and a bit for each sample of the square around it",
     promise: Promise::Samples,
     takes_triangulation: false,
+    is_delaunay: false,
     takes_budget: false,
     sample_bytes: 140,
     run,

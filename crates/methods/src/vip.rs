@@ -31,6 +31,7 @@ pub(crate) const VIP: Method = Method {
     memory: "the grid, the mesh, and the order of its samples",
     promise: Promise::Measured,
     takes_triangulation: false,
+    is_delaunay: true,
     takes_budget: true,
     sample_bytes: 260,
     run,

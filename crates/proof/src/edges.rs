@@ -63,13 +63,12 @@ impl Use {
 }
 
 impl Part<'_> {
-    /// True when a vertex at an owned position is a valid sample, with its height as the format holds it unless
-    /// heights are fitted.
-    fn is_sample(&self, at: Position, z: f64) -> bool {
-        let is_right = |height: f64| match self.is_fitted {
-            true => !height.is_nan(),
-            false => self.precision.is(z, height),
-        };
+    /// True when a vertex at an owned position is a valid sample, with its height as the format holds it. Fitted
+    /// heights may be others inside the surface, not on its outline.
+    fn is_sample(&self, at: Position, z: f64, surface: &Surface) -> bool {
+        let is_free = self.is_fitted && surface.is_inside(at);
+        let is_right =
+            |height: f64| if is_free { !height.is_nan() } else { self.precision.is(z, height) };
         self.sample(at).is_some_and(is_right)
     }
 
@@ -191,7 +190,7 @@ pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Ve
     let mut follow = Follow::new(part, surface);
     let corners = Corners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
-            check_corner(part, at, heights, tally);
+            check_corner((part, surface), at, heights, tally);
             between.corner(at, heights, tally);
             kept.corner(at, heights);
             follow.corner(at);
@@ -221,11 +220,16 @@ pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Ve
 }
 
 /// Counts a position with several heights, and one off the samples.
-fn check_corner(part: &Part<'_>, at: Position, heights: &[f64], tally: &mut Tally) {
+fn check_corner(
+    (part, surface): (&Part<'_>, &Surface),
+    at: Position,
+    heights: &[f64],
+    tally: &mut Tally,
+) {
     if heights.iter().any(|&z| z != heights[0]) {
         tally.split_heights.add(at);
     }
-    if !heights.iter().all(|&z| part.is_sample(at, z)) {
+    if !heights.iter().all(|&z| part.is_sample(at, z, surface)) {
         tally.off_samples.add(at);
     }
 }

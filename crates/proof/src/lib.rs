@@ -60,7 +60,7 @@ pub struct Part<'a> {
     pub min_angle: Option<AngleBound>,
     /// How the mesh stores heights.
     pub precision: Precision,
-    /// Vertices may have other heights than their samples.
+    /// Vertices inside the surface may have other heights than their samples.
     pub is_fitted: bool,
     /// Largest allowed vertical distance; `None` to measure only.
     pub tolerance: Option<f64>,

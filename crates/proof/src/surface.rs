@@ -104,21 +104,31 @@ impl Surface {
 
     /// True for a sample of the window that belongs to a surface cell.
     pub(crate) fn has_sample(&self, at: Position) -> bool {
+        self.cells_at(at).any(|is_surface| is_surface)
+    }
+
+    /// True for a sample of the window that is not on the outline: all four cells around it are surface.
+    pub(crate) fn is_inside(&self, at: Position) -> bool {
+        self.cells_at(at).filter(|is_surface| *is_surface).count() == 4
+    }
+
+    /// For each cell around a sample that the window may hold, whether it is surface.
+    fn cells_at(&self, at: Position) -> impl Iterator<Item = bool> {
         let near = |fixed: i64, first: u32| {
             let place = (fixed >> Position::FRACTION) - i64::from(first);
             [place - 1, place].map(|place| usize::try_from(place).ok())
         };
         let [cols, rows] = [near(at.col, self.rect.col), near(at.row, self.rect.row)];
-        let has_cell = |row: usize, col: usize| {
+        let has_cell = move |row: usize, col: usize| {
             row < self.rect.height as usize
                 && col < self.rect.width as usize
                 && self.cells(row)[col / 64] >> (col % 64) & 1 == 1
         };
-        let mut cells = rows
-            .iter()
+        let cells = rows
+            .into_iter()
             .flatten()
-            .flat_map(|&row| cols.iter().flatten().map(move |&col| (row, col)));
-        cells.any(|(row, col)| has_cell(row, col))
+            .flat_map(move |row| cols.into_iter().flatten().map(move |col| (row, col)));
+        cells.map(move |(row, col)| has_cell(row, col))
     }
 
     /// Counts valid and isolated samples and surface cells of `domain`.

@@ -20,7 +20,7 @@ use crate::raster::{self, GridSource, Inputs};
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Asked {
     /// Read all triangles of a mesh: angles, aspect ratios, degrees, lengths of edges, share of edges that
-    /// are locally Delaunay. Out of core, within --memory
+    /// are locally Delaunay in x and y. Out of core, within --memory
     #[arg(long)]
     pub(crate) quality: bool,
     /// With --quality: how far triangles are from the slopes of this grid, read with --band and --nodata; a
@@ -110,7 +110,7 @@ fn delaunay(q: &QualityReport) -> String {
         [q.cocircular_edges, q.interior_edges - q.delaunay_edges].map(text::count);
     let share = percent(share);
     format!(
-        "{share} of the edges inside, {cocircular} of them with four corners on a circle; {not} are not"
+        "{share} of the edges inside in x and y, {cocircular} of them with four corners on a circle; {not} are not"
     )
 }
 

@@ -138,7 +138,7 @@ pub(crate) struct Method {
     /// fewer, mostly a fifth; some five times slower). The error is kept all the same
     #[arg(long, conflicts_with_all = ["strict", "no_drop"])]
     pub(crate) fit: bool,
-    /// Which triangles vertices get. delaunay; data-dependent: any that keep the error, where that takes fewer
+    /// Which triangles vertices get. delaunay, on the lattice of samples; data-dependent: any that keep the error, where that takes fewer
     /// vertices (a fifth to a third fewer; some two times slower), and with a method below, edges flipped for the
     /// smaller sum of largest errors; split3, with a method: nothing is ever flipped [default: delaunay]
     #[arg(long, value_name = "NAME", value_parser = clap::value_parser!(Triangulation))]

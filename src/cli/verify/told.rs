@@ -59,12 +59,10 @@ pub(super) fn summary<O: Original>(
         format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
     let mut rows = vec![("error", errors(r) + unit)];
     rows.extend(own);
-    rows.extend([
-        ("mesh", sizes),
-        off,
-        ("edges", edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
-        ("angles", angles(r.smallest_angle)),
-    ]);
+    rows.extend([("mesh", sizes), off, ("edges", edges(r)), ("angles", angles(r))]);
+    rows.extend(
+        r.source.as_ref().map(|name| ("source", format!("{name}, by its header; not judged"))),
+    );
     rows.extend(report::took(&r.run, Some(rate), ""));
     format!("{}\n{failures}{}", in_words(&r.verdict), text::table(&rows))
 }
@@ -76,12 +74,13 @@ fn errors<O: Original>(r: &MeshReport<O>) -> String {
         None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
     };
     let [rmse, mean] = [r.rmse, r.mean_error].map(text::height);
-    format!("{allowed}; RMSE {rmse}, mean {mean}")
+    format!("{allowed}; measured: RMSE {rmse}, mean {mean}")
 }
 
-/// The smallest angle of a mesh.
-fn angles(smallest: Option<f64>) -> String {
-    smallest.map_or("none".to_owned(), |a| format!("{} degrees at the least", text::number(a)))
+/// The smallest angle of a mesh, which is judged elsewhere where there is a promise of one.
+fn angles<O: Original>(r: &MeshReport<O>) -> String {
+    let told = |a: f64| format!("{} degrees {} at the least (measured)", text::number(a), O::PLANE);
+    r.smallest_angle.map_or("none".to_owned(), told)
 }
 
 /// What is told of `off` vertices that are no points of the original: a failure only where terrane made
@@ -104,8 +103,13 @@ pub(super) fn off_vertices<O: Original>(r: &MeshReport<O>, of: &str) -> Row {
     ("vertices", told)
 }
 
-/// What is told of edges.
-fn edges(inner: u64, open: u64, non_delaunay: u64) -> String {
-    let [inner, outer, delaunay] = [inner, open, non_delaunay].map(text::count);
-    format!("{inner} inside, {delaunay} of them not Delaunay; {outer} on the outline")
+/// What is told of edges: whether they are Delaunay is judged where the mesh promises it.
+fn edges<O: Original>(r: &MeshReport<O>) -> String {
+    let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
+    let delaunay = match r.non_delaunay_edges.count {
+        0 => format!("all of them Delaunay {}", O::PLANE),
+        count => format!("{} of them not Delaunay {}", text::count(count), O::PLANE),
+    };
+    let promise = if r.delaunay { "" } else { " (no promise of this mesh)" };
+    format!("{inner} inside, {delaunay}{promise}; {outer} on the outline")
 }

@@ -1,11 +1,12 @@
 //! The largest error of each triangle: the vertical distance of the grid's samples in it from its plane.
 //!
-//! Grid rows are read in bands; each band knows the triangles that reach into it. A sample on an edge counts for
-//! both triangles, one at a vertex for all of its. Distances are those of doubles, not exact: what is *within* a
+//! Grid rows are read in bands; each band knows the triangles that reach into it. A sample on an edge is one of both
+//! triangles, one at a vertex of all of its; the root mean square is that of samples, each counted once. Distances are those of doubles, not exact: what is *within* a
 //! bound is for `terrane verify` to say.
 
 use super::solid::Shape;
 use crate::{Cancel, Progress};
+use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
 use terrane_raster::GridSource;
@@ -17,9 +18,9 @@ pub(super) struct Errors {
     pub(super) of_triangles: Vec<f32>,
     /// The largest of all.
     pub(super) largest: f64,
-    /// Of all samples that lie in a triangle, each counted once a triangle.
+    /// Of all samples that lie in a triangle, each by the first that it lies in.
     pub(super) root_mean_square: f64,
-    /// Samples that lie in a triangle, counted alike.
+    /// Valid samples that lie in a triangle.
     pub(super) samples: u64,
 }
 
@@ -46,7 +47,7 @@ pub(super) fn measure(
     let bands = Bands::of(shape, &info.transform, rows, info.height);
     let mut tally = Tally::new(shape.triangles.len());
     progress.begin("samples", u64::from(info.height));
-    let mut heights = Vec::new();
+    let (mut heights, mut seen) = (Vec::new(), BitSet::default());
     for (band, first) in (0..info.height).step_by(rows as usize).enumerate() {
         cancel.check()?;
         let triangles = bands.triangles(band);
@@ -55,9 +56,12 @@ pub(super) fn measure(
             let rect = Rect::new(0, first, info.width, height);
             heights.resize(rect.len(), 0.0);
             grid.read_f64(rect, &mut heights)?;
+            seen.reset(rect.len());
             for &triangle in triangles {
                 let plane = Plane::of(shape, triangle, &info.transform);
-                plane.each(rect, |at, z| tally.add(triangle, (heights[at] - z).abs()));
+                plane.each(rect, |at, z| {
+                    tally.add(triangle, (heights[at] - z).abs(), seen.insert(at));
+                });
             }
             grid.release(rect);
         }
@@ -78,14 +82,17 @@ impl Tally {
         Self { largest: vec![f64::NAN; triangles], squares: 0.0, samples: 0 }
     }
 
-    fn add(&mut self, triangle: u32, error: f64) {
+    /// Adds the error of a sample in a triangle, `is_first` where it was in none before.
+    fn add(&mut self, triangle: u32, error: f64, is_first: bool) {
         if error.is_nan() {
             return;
         }
         let largest = &mut self.largest[triangle as usize];
         *largest = largest.max(error);
-        self.squares += error * error;
-        self.samples += 1;
+        if is_first {
+            self.squares += error * error;
+            self.samples += 1;
+        }
     }
 
     fn errors(self) -> Result<Errors> {
@@ -246,9 +253,10 @@ mod tests {
         )
     }
 
-    /// The same by asking every sample of every triangle.
-    fn slowly(shape: &Shape, grid: &Held) -> Vec<f64> {
-        let of = |triangle: &[u32; 3]| {
+    /// The same by asking every sample of every triangle; and how many samples lie in any.
+    fn slowly(shape: &Shape, grid: &Held) -> (Vec<f64>, u64) {
+        let mut seen = vec![false; grid.1.len()];
+        let mut of = |triangle: &[u32; 3]| {
             let [a, b, c] = triangle.map(|vertex| shape.at(vertex));
             let cross = |p: [f64; 2], q: [f64; 3], r: [f64; 3]| {
                 (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
@@ -262,11 +270,13 @@ mod tests {
                 if w.iter().all(|share| *share >= -1e-9) && !z.is_nan() {
                     let plane = w[0] * a[2] + w[1] * b[2] + w[2] * c[2];
                     largest = largest.max((z - plane).abs());
+                    seen[i] = true;
                 }
             }
             largest
         };
-        shape.triangles.iter().map(of).collect()
+        let errors = shape.triangles.iter().map(&mut of).collect();
+        (errors, seen.into_iter().filter(|is_seen| *is_seen).count() as u64)
     }
 
     proptest! {
@@ -292,13 +302,17 @@ mod tests {
             };
             let triangles = [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]];
             shape.triangles = triangles.into_iter().filter(|t| area(t) != 0.0).collect();
-            let expected = slowly(&shape, &grid);
+            let (expected, samples) = slowly(&shape, &grid);
             match measure(&shape, &grid, &Silent, &Cancel::default()) {
                 Err(_) => prop_assert!(expected.iter().all(|error| error.is_nan())),
-                Ok(found) => for (own, other) in found.of_triangles.iter().zip(&expected) {
-                    let near = (f64::from(*own) - other).abs() < 1e-4 || own.is_nan() && other.is_nan();
-                    prop_assert!(near, "{own} {other}");
-                },
+                Ok(found) => {
+                    prop_assert_eq!(found.samples, samples, "each counts once");
+                    prop_assert!(found.root_mean_square <= found.largest);
+                    for (own, other) in found.of_triangles.iter().zip(&expected) {
+                        let near = (f64::from(*own) - other).abs() < 1e-4 || own.is_nan() && other.is_nan();
+                        prop_assert!(near, "{own} {other}");
+                    }
+                }
             }
         }
     }

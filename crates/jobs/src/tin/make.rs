@@ -140,7 +140,7 @@ impl Opened {
     }
 }
 
-/// What vertices have beside their positions, and what the mesh states of it.
+/// What vertices have beside their positions, and what the mesh states beside its tolerance.
 #[derive(Default)]
 pub(super) struct Carried {
     pub(super) channels: Vec<Channel>,
@@ -150,12 +150,11 @@ pub(super) struct Carried {
 impl Carried {
     /// Tells the file of it: a tolerance of several bands has no unit.
     fn tell(&self, header: &mut MeshHeader, tolerance: f64) {
-        if self.channels.is_empty() {
-            return;
+        if !self.channels.is_empty() {
+            header.channels.clone_from(&self.channels);
+            header.comments.retain(|comment| !comment.starts_with(MAX_ERROR));
+            header.comments.push(format!("{MAX_ERROR}{tolerance}"));
         }
-        header.channels.clone_from(&self.channels);
-        header.comments.retain(|comment| !comment.starts_with(MAX_ERROR));
-        header.comments.push(format!("{MAX_ERROR}{tolerance}"));
         header.comments.extend(self.comments.iter().cloned());
     }
 }
@@ -485,12 +484,17 @@ pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64
 /// What the comment that states a tolerance begins with.
 const MAX_ERROR: &str = "max error ";
 
+/// The comment of a mesh that promises no Delaunay triangles, but those of a name.
+pub(super) fn triangulation(name: &str) -> String {
+    format!("triangulation {name}")
+}
+
 /// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
 fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let error = format!("{MAX_ERROR}{}{unit}", spec.tolerance);
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
-    let any = spec.data_dependent.then(|| "data-dependent triangulation".to_owned());
+    let any = spec.data_dependent.then(|| triangulation("data-dependent"));
     let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));
     let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
     let water = from.water.map(|path| format!("water {}", beside::label(path)));

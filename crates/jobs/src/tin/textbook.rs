@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::job::{Goal, TinJob};
-use super::make::{Maker, Opened, in_input, options};
+use super::make::{Maker, Opened, in_input, options, triangulation};
 use super::report::{StageReport, TinReport};
 use super::run::Outcome;
 use super::window::Window;
@@ -58,11 +58,21 @@ pub fn run_by(
         sample_bytes: by.method.sample_bytes,
         otherwise: "leave --method out".to_owned(),
     };
-    let opened = Opened::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
+    let mut opened = Opened::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
+    opened.carried.comments.extend(other_triangles(by).map(triangulation));
     let maker = Maker { job, opened: &opened, progress, cancel };
     let mut report = make(&maker, by).map_err(named)?;
     report.took(started.elapsed());
     Ok(report)
+}
+
+/// What triangles are called that are not Delaunay.
+fn other_triangles(by: &Textbook) -> Option<&'static str> {
+    match by.method.is_delaunay {
+        true if by.triangulation == Triangulation::Delaunay => None,
+        true => Some(by.triangulation.name()),
+        false => Some(by.method.name),
+    }
 }
 
 /// What holds a whole grid.

@@ -7,20 +7,16 @@ use serde::Serialize;
 
 use super::found::Verdict;
 use super::report::{Place, VerifyReport};
-use super::{Asked, VerifyJob, stated, stated_text, stated_tolerance, verify};
+use super::statements::{BANDS, HEIGHTS, Statements, WEIGHTS};
+use super::{Asked, VerifyJob, verify};
 use crate::bands::{Bands, Joined, label};
 use crate::memory::cache_beside;
 use crate::{Cancel, Progress};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Point3;
+use terrane_base::geom::{Crs, Point3};
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_raster::GridSource;
-
-/// The comments of a mesh of several bands.
-pub(super) const BANDS: &str = "bands";
-const WEIGHTS: &str = "weights";
-const HEIGHTS: &str = "heights";
 
 /// Bands that a mesh is to be held to.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,20 +59,20 @@ enum Heights {
 pub(super) struct Proof<'a> {
     pub(super) job: &'a VerifyJob,
     pub(super) mesh: &'a dyn MeshSource,
+    pub(super) stated: &'a Statements<'a>,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
 
 impl Proof<'_> {
-    /// Proves every channel and the heights.
-    pub(super) fn run(&self, asked: &AskedBands) -> Result<VerifyReport> {
+    /// Proves every channel and the heights; returns the reference system of the grid, too.
+    pub(super) fn run(&self, asked: &AskedBands) -> Result<(VerifyReport, Crs)> {
         let in_mesh = |e: Error| e.in_file(&self.job.mesh);
-        let info = self.mesh.info();
-        let heights = heights(info, asked).map_err(in_mesh)?;
-        let bands = bands(info, asked).map_err(in_mesh)?;
+        let heights = heights(self.stated, asked).map_err(in_mesh)?;
+        let bands = bands((self.mesh.info(), self.stated), asked).map_err(in_mesh)?;
         let tolerance = match self.job.tolerance {
             Some(tolerance) => Some(tolerance),
-            None => stated_tolerance(info).map_err(in_mesh)?,
+            None => self.stated.tolerance().map_err(in_mesh)?,
         };
         let in_raster = |e: Error| e.in_file(Path::new(&self.job.raster.to_string()));
         let cache = cache_beside(self.job.resources.memory);
@@ -93,9 +89,9 @@ impl Proof<'_> {
             Heights::None => report = Some(self.surface(self.mesh, &*joined.flat(), Some(0.0))?),
             Heights::Unknown => {}
         }
-        let is_known = report.is_some();
+        let (is_known, crs) = (report.is_some(), joined.band(0).info().crs.clone());
         let report = self.channels(&bands, &joined, tolerance, report)?;
-        Ok(judged(report, tolerance, is_known))
+        Ok((judged(report, tolerance, is_known), crs))
     }
 
     /// Proves the channels, and adds what is found to what is found of heights.
@@ -185,11 +181,11 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
 }
 
 /// What the mesh says of its heights, if the job does not.
-fn heights(info: &MeshInfo, asked: &AskedBands) -> Result<Heights> {
+fn heights(stated: &Statements<'_>, asked: &AskedBands) -> Result<Heights> {
     if let Some(band) = asked.heights {
         return Ok(Heights::Band(band));
     }
-    let Some(text) = stated_text(info, HEIGHTS) else { return Ok(Heights::Unknown) };
+    let Some(text) = stated.text(HEIGHTS) else { return Ok(Heights::Unknown) };
     let band = text.strip_prefix("band ").and_then(|band| band.parse().ok());
     match (text, band) {
         ("none", _) => Ok(Heights::None),
@@ -200,13 +196,13 @@ fn heights(info: &MeshInfo, asked: &AskedBands) -> Result<Heights> {
 }
 
 /// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
-fn bands(info: &MeshInfo, asked: &AskedBands) -> Result<Bands> {
+fn bands((info, stated): (&MeshInfo, &Statements<'_>), asked: &AskedBands) -> Result<Bands> {
     let label = label(&asked.bands);
-    if let Some(text) = stated(info, BANDS).filter(|text| *text != label) {
+    if let Some(text) = stated.text(BANDS).filter(|text| *text != label) {
         let message = format!("the mesh states that it was made of bands {text}, not {label}");
         return Err(Error::usage(message).remedy(format!("pass --bands {text}")));
     }
-    let weights = match (asked.weights.is_empty(), stated(info, WEIGHTS)) {
+    let weights = match (asked.weights.is_empty(), stated.text(WEIGHTS)) {
         (true, Some(text)) => {
             let weights = text.split(',').map(|weight| weight.parse().ok()).collect();
             let weights: Option<Vec<f64>> = weights;
@@ -238,8 +234,8 @@ pub(super) fn not_judged(label: &str) -> String {
 }
 
 /// True when a mesh states that it has no heights.
-pub(super) fn is_flat(info: &MeshInfo) -> bool {
-    stated_text(info, HEIGHTS) == Some("none")
+pub(super) fn is_flat(stated: &Statements<'_>) -> bool {
+    stated.text(HEIGHTS) == Some("none")
 }
 
 /// A promise that is not about bands and that this mesh was not asked for.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::NO_BOUND;
+use super::statements::{SOURCE, Statements, TOLERANCE};
 use super::vertices::VertexCounts;
 use crate::figures::Figures;
 use terrane_mesh::MeshInfo;
@@ -25,6 +26,18 @@ impl Verdict {
     pub(super) fn of(failures: Vec<String>, not_judged: Vec<String>) -> Self {
         let (passed, judged) = (failures.is_empty(), not_judged.is_empty());
         Self { passed, judged, failures, not_judged }
+    }
+
+    /// Adds a broken promise.
+    pub(super) fn fail(&mut self, failure: String) {
+        self.passed = false;
+        self.failures.push(failure);
+    }
+
+    /// Adds what could not be judged.
+    pub(super) fn leave(&mut self, what: String) {
+        self.judged = false;
+        self.not_judged.push(what);
     }
 }
 
@@ -59,6 +72,8 @@ pub trait Original: Clone + Default + PartialEq + Serialize {
     const POINTS: &'static str;
     /// What the mesh covers.
     const WHOLE: &'static str;
+    /// Where triangles are Delaunay.
+    const PLANE: &'static str;
 
     /// A place in words.
     fn told(place: Self::Place) -> String;
@@ -150,9 +165,15 @@ pub struct MeshReport<O: Original> {
     pub interior_edges: u64,
     /// Edges of one triangle.
     pub open_edges: u64,
-    /// Interior edges that fail the strict in-circle test; not a failure.
+    /// Interior edges that fail the strict in-circle test on the lattice; a failure where `delaunay`.
     pub non_delaunay_edges: FaultReport<O::Place>,
-    /// Smallest angle of any triangle with area, in degrees on the lattice; not a failure.
+    /// True where the mesh promises that its triangles are Delaunay: terrane made it, and it states no other
+    /// triangulation.
+    pub delaunay: bool,
+    /// What the mesh says that it was made of: a name, which is not judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// Smallest angle of any triangle with area, in degrees on the lattice: a measurement.
     pub smallest_angle: Option<f64>,
     /// Triangles by smallest angle, in steps of 5 degrees from 0 to 60.
     pub angle_histogram: Vec<u64>,
@@ -165,6 +186,9 @@ pub struct MeshReport<O: Original> {
 /// What was found on the lattice, and what it is in the units of the original.
 pub(super) struct Findings<'a> {
     pub(super) mesh: &'a MeshInfo,
+    pub(super) stated: &'a Statements<'a>,
+    /// Whether it states no triangulation that is not Delaunay.
+    pub(super) is_delaunay: bool,
     pub(super) tolerance: Option<f64>,
     pub(super) vertices: &'a VertexCounts,
     pub(super) broken: u64,
@@ -188,7 +212,7 @@ pub(super) fn area(double: i128, [width, height]: [f64; 2]) -> f64 {
 impl<O: Original> MeshReport<O> {
     /// The findings, judged; without names of files and figures of the run.
     pub(super) fn new(of: O, found: &Findings<'_>, place: impl Fn(Position) -> O::Place) -> Self {
-        let Findings { mesh, tolerance, vertices, tally, step, .. } = *found;
+        let Findings { mesh, stated, tolerance, vertices, tally, step, .. } = *found;
         let fault = |fault: &Fault| FaultReport::of(fault, &place);
         let mean = |sum: f64| (tally.covered > 0).then(|| sum / tally.covered as f64);
         let report = Self {
@@ -222,15 +246,17 @@ impl<O: Original> MeshReport<O> {
             interior_edges: tally.interior_edges,
             open_edges: tally.open_edges,
             non_delaunay_edges: fault(&tally.non_delaunay),
+            delaunay: found.is_delaunay && mesh.is_own() && !is_silent(mesh, stated),
+            source: stated.text(SOURCE).map(str::to_owned),
             smallest_angle: tally.smallest_angle,
             angle_histogram: tally.angles.to_vec(),
             run: Figures::default(),
         };
-        let verdict = report.judged(found.area_matches);
+        let verdict = report.judged(found);
         Self { verdict, ..report }
     }
 
-    fn judged(&self, area_matches: bool) -> Verdict {
+    fn judged(&self, found: &Findings<'_>) -> Verdict {
         let counts = [
             (self.unusable_vertices, "vertices without a usable position"),
             (self.broken_triangles, "triangles that use such a vertex"),
@@ -239,11 +265,14 @@ impl<O: Original> MeshReport<O> {
         let mut failures: Vec<String> = plain.map(|(n, what)| format!("{n} {what}")).collect();
         let promises = self.promises();
         failures.extend(promises.iter().filter_map(|(fault, what)| fault.sentence(what, O::told)));
-        if !area_matches {
+        if !found.area_matches {
             failures.push(self.of.wrong_area(self.mesh_area));
         }
-        let not_judged = self.tolerance.is_none().then(|| NO_BOUND.to_owned());
-        Verdict::of(failures, not_judged.into_iter().collect())
+        let no_bound = self.tolerance.is_none().then(|| NO_BOUND.to_owned());
+        let is_silent = self.made_by_terrane && is_silent(found.mesh, found.stated);
+        let no_triangulation = is_silent
+            .then(|| "whether it is Delaunay, as its header had no room to state that".to_owned());
+        Verdict::of(failures, no_bound.into_iter().chain(no_triangulation).collect())
     }
 
     /// The faults that break a promise, and what they are.
@@ -266,6 +295,14 @@ impl<O: Original> MeshReport<O> {
         let off = self.made_by_terrane && !self.of.may_be_off();
         let off = off.then(|| self.of.off_vertices());
         let off = off.map(|fault| (fault, format!("vertices off the {points}")));
-        [(self.over_tolerance, over)].into_iter().chain(cover).chain(topology).chain(off).collect()
+        let edges = format!("edges that are not Delaunay {}", O::PLANE);
+        let edges = self.delaunay.then_some((self.non_delaunay_edges, edges));
+        let own = off.into_iter().chain(edges);
+        [(self.over_tolerance, over)].into_iter().chain(cover).chain(topology).chain(own).collect()
     }
+}
+
+/// True for files whose header had no room for what they promise: STL, which then states no bound either.
+fn is_silent(mesh: &MeshInfo, stated: &Statements<'_>) -> bool {
+    !mesh.names_crs() && stated.text(TOLERANCE).is_none()
 }

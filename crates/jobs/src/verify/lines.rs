@@ -37,6 +37,7 @@ use crate::memory::PROGRAM;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::Xy;
+use terrane_base::geom::{Crs, wkt};
 use terrane_proof::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
 use terrane_vector::{self as vector, OpenOptions};
 
@@ -131,8 +132,9 @@ pub fn verify_lines(
 ) -> Result<LineVerifyReport> {
     let started = Instant::now();
     let original = vector::open(&job.original, &OpenOptions { layer: job.layer.clone() })?;
-    let measured = job.tolerance.map(|length| goal_of(length, job.is_space, &original.layer().crs));
+    let crs = original.layer().crs.clone();
     drop(original);
+    let measured = job.tolerance.map(|length| goal_of(length, job.is_space, &crs));
     let plain = if job.is_space { Measure::Space } else { Measure::Plane };
     let (measure, tolerance) = match measured.transpose()? {
         Some((measure, tolerance)) => (measure, Some(tolerance)),
@@ -151,8 +153,50 @@ pub fn verify_lines(
     let comparison = Comparison { distance, tolerance, drops };
     let proof = Proof { job, comparison, points, progress, cancel };
     let (found, findings, format) = on_threads(job.resources.threads, || proof.run())??;
-    let report = told(job, (measure, tolerance), (&found, &findings), format);
+    let mut report = told(job, (measure, tolerance), (&found, &findings), format);
+    judge_system(&crs, job, format, &mut report.verdict)?;
     Ok(LineVerifyReport { run: Figures::since(started, &job.resources), ..report })
+}
+
+/// The format whose coordinates are always longitudes and latitudes on WGS 84.
+const ALWAYS_WGS84: &str = "GPX";
+/// Formats without the name of a system that are read as longitudes and latitudes on WGS 84.
+const WGS84_BY_DEFAULT: [&str; 3] = [ALWAYS_WGS84, "GeoJSON", "GeoJSONSeq"];
+
+/// Judges the reference system of the lines: it has to be that of the `original`.
+fn judge_system(
+    original: &Crs,
+    job: &LineVerifyJob,
+    format: &str,
+    verdict: &mut Verdict,
+) -> Result<()> {
+    let source = vector::open(&job.lines, &OpenOptions::default())?;
+    let stated = &source.layer().crs;
+    let is_wgs84 = (stated.epsg, stated.vertical_epsg) == (Some(4326), None);
+    let is_default = is_wgs84 && WGS84_BY_DEFAULT.contains(&format);
+    // What GeoJSON has no member for is written beside it.
+    let beside = wkt::of_srs(&terrane_files::prj(&job.lines)?);
+    let is_beside = is_default && format != ALWAYS_WGS84 && beside.is_named();
+    let own = if is_beside { &beside } else { stated };
+    let is_default = is_default && !is_beside;
+    if own.agrees(original) || (is_default && !original.is_named()) {
+        return Ok(());
+    }
+    let [ours, theirs] = original.told_apart(own);
+    match (own.is_named(), original.is_named()) {
+        (true, true) if format != ALWAYS_WGS84 => verdict
+            .fail(format!("the CRS of the lines is {theirs}, and that of the original is {ours}")),
+        (true, true) => verdict.leave(format!(
+            "the CRS of the original, {ours}: coordinates of {format} are always on WGS 84"
+        )),
+        (true, false) => verdict.leave(format!(
+            "whether the CRS of the lines, {theirs}, is that of the original, which names none"
+        )),
+        (false, _) => verdict.leave(format!(
+            "the CRS of the lines: they name none, and that of the original is {ours}"
+        )),
+    }
+    Ok(())
 }
 
 fn told(

@@ -7,12 +7,14 @@
 mod bands;
 mod cloud;
 mod found;
+mod header;
 mod lines;
 mod parts;
 mod quality;
 mod report;
 mod spread;
 mod squares;
+mod statements;
 pub mod tiles;
 mod vertices;
 
@@ -21,18 +23,22 @@ use std::time::Instant;
 
 use bytemuck::Pod;
 
+use self::header::Header;
+use self::statements::{
+    BANDS, CLIP, HEIGHTS, KEPT, LINES, Statements, TRANSFORMED, WATER, WEIGHTS,
+};
+
 use crate::bands::Joined;
 use crate::figures::Figures;
 use crate::kept::{Features, Kept};
 use crate::memory::{PROGRAM, beside_program, cache_beside, short};
 use crate::reading::Reading;
-use crate::transform::TRANSFORMED;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Crs, wkt};
+use terrane_base::geom::Crs;
 use terrane_files::Buckets;
-use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
+use terrane_mesh::{self as mesh, MeshSource};
 use terrane_proof::{Layout, Precision, Snapper};
 use terrane_raster::{self as raster, GridSource, Inputs};
 
@@ -78,37 +84,30 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    check_system(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
-    let mut report = match &job.bands {
+    let stated = Statements::of(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
+    check_system(&stated).map_err(|e| e.in_file(&job.mesh))?;
+    let (mut report, crs) = match &job.bands {
         Some(bands) => {
             bands::check_other(job)?;
-            let proof = bands::Proof { job, mesh: &*mesh, progress, cancel };
+            let proof = bands::Proof { job, mesh: &*mesh, stated: &stated, progress, cancel };
             in_mesh(proof.run(bands), job)?
         }
-        None => heights(&*mesh, job, progress, cancel)?,
+        None => heights((&*mesh, &stated), job, progress, cancel)?,
     };
-    tell_of_files(mesh.info(), job, &mut report.verdict);
+    let header =
+        Header { mesh: &job.mesh, info: mesh.info(), stated: &stated, crs: &crs, original: "grid" };
+    header.judge(&mut report.verdict)?;
+    tell_of_files(&stated, job, &mut report.verdict);
     let mesh = job.mesh.display().to_string();
     let of = OfGrid { raster: job.raster.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
 }
 
 /// Fails for a mesh that was taken to another system when it was written.
-fn check_system(info: &MeshInfo) -> Result<()> {
-    let Some(from) = stated_text(info, TRANSFORMED) else { return Ok(()) };
+fn check_system(stated: &Statements<'_>) -> Result<()> {
+    let Some(from) = stated.text(TRANSFORMED) else { return Ok(()) };
     let message = format!("was transformed from {from}, where its vertices are samples");
     Err(Error::unsupported(message).remedy("verify the mesh as it is made without --to-crs"))
-}
-
-/// The same by the text beside a mesh that names no system itself.
-fn check_same_system(mesh: &Path, grid: &Crs) -> Result<()> {
-    let own = wkt::of_srs(&terrane_files::prj(mesh)?);
-    if !own.is_named() || !grid.is_named() || own.agrees(grid) {
-        return Ok(());
-    }
-    let [ours, theirs] = grid.told_apart(&own);
-    let message = format!("is in {theirs}, and the grid in {ours}");
-    Err(Error::bad_input(message).in_file(mesh).remedy("give the grid that it was made of"))
 }
 
 /// What is wrong with the mesh names it.
@@ -119,26 +118,25 @@ fn in_mesh<T>(found: Result<T>, job: &VerifyJob) -> Result<T> {
     })
 }
 
-/// Proves the heights of a mesh.
+/// Proves the heights of a mesh; returns the reference system of the grid, too.
 fn heights(
-    mesh: &dyn MeshSource,
+    (mesh, stated): (&dyn MeshSource, &Statements<'_>),
     job: &VerifyJob,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<VerifyReport> {
+) -> Result<(VerifyReport, Crs)> {
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
-    if mesh.info().crs.is_none() {
-        check_same_system(&job.mesh, &grid.info().crs)?;
-    }
-    let made_of = stated_text(mesh.info(), bands::BANDS);
+    let crs = grid.info().crs.clone();
+    let in_file = |e: Error| e.in_file(&job.mesh);
+    let made_of = stated.text(BANDS);
     let tolerance = match (job.tolerance, made_of) {
         (Some(tolerance), _) => Some(tolerance),
         // What it states is the tolerance of its bands.
         (None, Some(_)) => None,
-        (None, None) => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+        (None, None) => stated.tolerance().map_err(in_file)?,
     };
-    let grid = match made_of.filter(|_| bands::is_flat(mesh.info())) {
+    let grid = match made_of.filter(|_| bands::is_flat(stated)) {
         None => grid,
         Some(label) if tolerance.is_some() => {
             return Err(Error::usage("the mesh has no heights that could be so far off")
@@ -147,53 +145,62 @@ fn heights(
         }
         Some(_) => Joined::of(grid).flat(),
     };
-    let bound = match job.bound {
-        Some(bound) => bound,
-        None => stated_bound(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
-    };
+    let bound = job.bound.map_or_else(|| stated.bound(), Ok).map_err(in_file)?;
     let min_angle = match job.min_angle {
         Some(degrees) => Some(degrees),
-        None => stated_angle(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+        None => stated.min_angle().map_err(in_file)?,
     };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let water = options.water.as_ref();
     let kept = Features::read(points, lines, water, &job.resources)?.on(grid.info())?;
     let asked = Asked { tolerance, bound, min_angle, kept: &kept };
-    in_mesh(verify(mesh, &*grid, asked, &job.resources, progress, cancel), job)
+    let report = in_mesh(verify(mesh, &*grid, asked, &job.resources, progress, cancel), job)?;
+    Ok((report, crs))
 }
 
 /// Names bands and files that the mesh was made with, as it states, and that were not given.
-fn tell_of_files(mesh: &MeshInfo, job: &VerifyJob, verdict: &mut Verdict) {
-    if let Some(label) = stated_text(mesh, bands::BANDS).filter(|_| job.bands.is_none()) {
-        let told = format!(
-            "the mesh states that it was made of bands {label}, and voids of all: pass --bands {label}"
+fn tell_of_files(stated: &Statements<'_>, job: &VerifyJob, verdict: &mut Verdict) {
+    let mut tell = |told: String, left: String| {
+        verdict.failures.extend((!verdict.passed).then_some(told));
+        verdict.leave(left);
+    };
+    if let Some(label) = stated.text(BANDS).filter(|_| job.bands.is_none()) {
+        tell(
+            format!(
+                "the mesh states that it was made of bands {label}, and voids of all: pass --bands {label}"
+            ),
+            bands::not_judged(label),
         );
-        verdict.failures.extend((!verdict.passed).then_some(told));
-        verdict.judged = false;
-        if job.tolerance.is_none() {
-            verdict.not_judged.clear();
+    }
+    if let Some(clip) = stated.text(CLIP).filter(|_| job.reading.clip.is_none()) {
+        tell(
+            format!("the mesh states that its grid was clipped to {clip}: pass it with --clip"),
+            format!("whether it ends where the polygons of {clip} do (--clip)"),
+        );
+    }
+    if let Some(file) = stated.text(WATER).filter(|_| job.reading.water.is_none()) {
+        tell(
+            format!("the mesh states that the water of {file} is level: pass --water"),
+            format!("whether the water of {file} is level (--water)"),
+        );
+    }
+    if job.bands.is_none() && stated.text(BANDS).is_none() {
+        for (key, text) in [WEIGHTS, HEIGHTS].map(|key| (key, stated.text(key))) {
+            let left = text.map(|text| format!("the statement \"{key} {text}\", without bands"));
+            left.into_iter().for_each(|left| verdict.leave(left));
         }
-        verdict.not_judged.push(bands::not_judged(label));
     }
-    if let Some(clip) = stated_text(mesh, CLIP).filter(|_| job.reading.clip.is_none()) {
-        let told =
-            format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");
-        verdict.failures.extend((!verdict.passed).then_some(told));
+    leave_files(stated, [job.keep_points.is_some(), job.breaklines.is_some()], verdict);
+}
+
+/// Names points and lines of files that a mesh states and that were not given, as not judged.
+fn leave_files(stated: &Statements<'_>, [points, lines]: [bool; 2], verdict: &mut Verdict) {
+    if let Some(file) = stated.text(KEPT).filter(|_| !points) {
+        verdict.leave(format!("whether it keeps the points of {file} (--keep-points)"));
     }
-    if let Some(file) = stated_text(mesh, WATER).filter(|_| job.reading.water.is_none()) {
-        verdict.judged = false;
-        verdict.not_judged.push(format!("whether the water of {file} is level (--water)"));
-        let told = format!("the mesh states that the water of {file} is level: pass --water");
-        verdict.failures.extend((!verdict.passed).then_some(told));
-    }
-    if let Some(file) = stated_text(mesh, KEPT).filter(|_| job.keep_points.is_none()) {
-        verdict.judged = false;
-        verdict.not_judged.push(format!("whether it keeps the points of {file} (--keep-points)"));
-    }
-    if let Some(file) = stated_text(mesh, LINES).filter(|_| job.breaklines.is_none()) {
-        verdict.judged = false;
-        verdict.not_judged.push(format!("whether edges follow the lines of {file} (--breaklines)"));
+    if let Some(file) = stated.text(LINES).filter(|_| !lines) {
+        verdict.leave(format!("whether edges follow the lines of {file} (--breaklines)"));
     }
 }
 
@@ -209,60 +216,6 @@ fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
     }
     Ok(mesh)
 }
-
-/// The tolerance a mesh states in a comment: "max error 1.5 metre". A statement that is no bound is
-/// an error: to take it for none would leave the errors unjudged.
-fn stated_tolerance(info: &MeshInfo) -> Result<Option<f64>> {
-    let Some(word) = stated(info, TOLERANCE) else { return Ok(None) };
-    match word.parse() {
-        Ok(tolerance) if (0.0..f64::INFINITY).contains(&tolerance) => Ok(Some(tolerance)),
-        _ => Err(Error::bad_input(format!("states \"{TOLERANCE} {word}\", which is no bound"))
-            .remedy("give the bound with --max-error")),
-    }
-}
-
-/// The smallest angle that the triangles of a mesh have as a comment states it: "min angle 20".
-fn stated_angle(info: &MeshInfo) -> Result<Option<f64>> {
-    let Some(word) = stated(info, ANGLE) else { return Ok(None) };
-    match word.parse() {
-        Ok(degrees) if (0.0..=60.0).contains(&degrees) => Ok(Some(degrees)),
-        _ => Err(Error::bad_input(format!("states \"{ANGLE} {word}\", which is no angle"))
-            .remedy("give the smallest angle with --min-angle")),
-    }
-}
-
-/// What the tolerance of a mesh is of, as a comment states it: "bound surface". What is not understood is
-/// an error: to take it for less would leave a promise unjudged.
-fn stated_bound(info: &MeshInfo) -> Result<Bound> {
-    let Some(word) = stated(info, BOUND) else { return Ok(Bound::default()) };
-    word.parse().map_err(|_| {
-        Error::bad_input(format!("states \"{BOUND} {word}\", which is not known"))
-            .remedy("say what is to be proved with --bound")
-    })
-}
-
-/// The word after `key` in a mesh's comments.
-fn stated<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
-    stated_text(info, key).map(|rest| rest.split_whitespace().next().unwrap_or_default())
-}
-
-/// What comes after `key` in a mesh's comments.
-fn stated_text<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
-    info.details.iter().find_map(|(own, value)| {
-        let rest = if own == key { value } else { value.trim().strip_prefix(key)? };
-        let is_whole_word = rest.is_empty() || own == key || rest.starts_with(char::is_whitespace);
-        is_whole_word.then(|| rest.trim())
-    })
-}
-
-const TOLERANCE: &str = "max error";
-const ANGLE: &str = "min angle";
-const BOUND: &str = "bound";
-const CLIP: &str = "clip";
-const WATER: &str = "water";
-const KEPT: &str = "keep points";
-const LINES: &str = "breaklines";
-const FITTED: &str = "fitted";
 
 /// What a report says where no bound is known.
 const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
@@ -380,8 +333,12 @@ struct Context<'a> {
     work: Work<'a>,
     grid: &'a dyn GridSource,
     asked: Asked<'a>,
-    /// The mesh states that its heights are fitted.
+    /// What the mesh states.
+    stated: Statements<'a>,
+    /// Vertices may lie above or below their samples.
     is_fitted: bool,
+    /// The mesh states no triangulation that is not Delaunay.
+    is_delaunay: bool,
     snapper: Snapper,
     precision: Precision,
     /// See [`terrane_proof::Part::orientation`].
@@ -393,10 +350,13 @@ impl<'a> Context<'a> {
         check_grid(grid)?;
         let (info, map) = (work.mesh.info(), grid.info().transform);
         let size = [grid.info().width, grid.info().height];
+        let stated = Statements::of(info)?;
         Ok(Self {
             grid,
             asked,
-            is_fitted: stated(info, FITTED) == Some("heights"),
+            is_fitted: stated.is_fitted()?,
+            is_delaunay: stated.is_delaunay()?,
+            stated,
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {
                 true => Precision::Single { origin: info.origin[2], scale: info.scale[2] },
@@ -427,41 +387,4 @@ fn check_grid(grid: &dyn GridSource) -> Result<()> {
         return Err(Error::bad_input("the raster has no samples"));
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn info(details: &[(&str, &str)]) -> MeshInfo {
-        let details = details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
-        MeshInfo { details, ..MeshInfo::plain("test", 0, 0) }
-    }
-
-    #[test]
-    fn the_tolerance_is_read_from_comments() {
-        let stated = |details: &[(&str, &str)]| stated_tolerance(&info(details));
-        assert_eq!(stated(&[("max error", "1.5 metre")]).unwrap(), Some(1.5));
-        let second = [("comment", "source a.tif"), ("comment", "max error 0.25")];
-        assert_eq!(stated(&second).unwrap(), Some(0.25));
-        assert_eq!(stated(&[("comment", "max errors are small")]).unwrap(), None);
-        assert_eq!(stated(&[]).unwrap(), None);
-        for bad in ["max error unknown", "max error -1", "max error NaN", "max error"] {
-            assert_eq!(stated(&[("comment", bad)]).unwrap_err().kind(), ErrorKind::BadInput);
-        }
-    }
-
-    #[test]
-    fn the_bound_is_read_from_comments_and_is_that_of_samples_where_they_state_none() {
-        let stated = |details: &[(&str, &str)]| stated_bound(&info(details));
-        assert_eq!(stated(&[("bound", "surface")]).unwrap(), Bound::Surface);
-        let beside = [("comment", "max error 1.5 metre"), ("comment", "bound surface")];
-        assert_eq!(stated(&beside).unwrap(), Bound::Surface);
-        assert_eq!(stated(&[("comment", "bound samples")]).unwrap(), Bound::Samples);
-        assert_eq!(stated(&[("comment", "bounds 0 0 9 9")]).unwrap(), Bound::Samples);
-        assert_eq!(stated(&[]).unwrap(), Bound::Samples);
-        for bad in ["bound volume", "bound", "bound 1.5"] {
-            assert_eq!(stated(&[("comment", bad)]).unwrap_err().kind(), ErrorKind::BadInput);
-        }
-    }
 }

@@ -112,6 +112,7 @@ impl Original for OfGrid {
     type Place = Place;
     const POINTS: &'static str = "samples";
     const WHOLE: &'static str = "surface";
+    const PLANE: &'static str = "on the lattice of samples";
 
     fn told(Place { column, row, x, y }: Place) -> String {
         format!("column {column}, row {row} (x {x}, y {y})")
@@ -191,6 +192,8 @@ pub(super) fn report(
     };
     let found = Findings {
         mesh: context.work.mesh.info(),
+        stated: &context.stated,
+        is_delaunay: context.is_delaunay,
         tolerance: context.asked.tolerance,
         vertices,
         broken,

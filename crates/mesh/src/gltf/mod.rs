@@ -21,6 +21,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     carries: Carries::Colours,
     can_be_solid: false,
     states_unit: false,
+    names_crs: true,
     admits: |_| Ok(()),
     most: write::most,
     create: |path, header, options| write::create(path, header, options, Packing::None),

@@ -197,6 +197,7 @@ fn info(asset: &Asset, vertices: u64, triangles: u64, indexed: bool) -> MeshInfo
         indexed,
         solid: false,
         crs: extras["crs"].as_str().map(str::to_owned),
+        systems: Vec::new(),
         channels: Vec::new(),
         details: generator.chain(comments).collect(),
     }

@@ -16,6 +16,8 @@ use terrane_files::atomic::AtomicFile;
 pub(super) const NAME: &str = "index.geojson";
 /// What the index calls itself, so that a folder of meshes can be told.
 const MARK: &str = "terrane mesh in blocks";
+/// What comes before a code in the name of a reference system.
+const URN: &str = "urn:ogc:def:crs:EPSG::";
 
 /// One block's file.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +35,8 @@ pub(super) struct Block {
 pub(super) struct Index {
     pub(super) format: String,
     pub(super) epsg: Option<u32>,
+    /// What readers of GeoJSON are told of the system: "urn:ogc:def:crs:EPSG::32631".
+    pub(super) crs: Option<String>,
     pub(super) comments: Vec<String>,
     pub(super) blocks: Vec<Block>,
 }
@@ -40,7 +44,16 @@ pub(super) struct Index {
 impl Index {
     pub(super) fn new(format: &str, header: &MeshHeader) -> Self {
         let (epsg, comments) = (header.crs.epsg, header.comments.clone());
-        Self { format: format.to_owned(), epsg, comments, blocks: Vec::new() }
+        let crs = epsg.map(|code| format!("{URN}{code}"));
+        Self { format: format.to_owned(), epsg, crs, comments, blocks: Vec::new() }
+    }
+
+    /// The codes of the reference systems that it names.
+    pub(super) fn systems(&self) -> Vec<String> {
+        let urn = self.crs.as_deref().map(|name| name.strip_prefix(URN).unwrap_or(name));
+        let codes =
+            self.epsg.map(|code| code.to_string()).into_iter().chain(urn.map(str::to_owned));
+        codes.map(|code| format!("EPSG:{code}")).collect()
     }
 
     /// Writes the index into `folder`; returns its size.
@@ -76,7 +89,7 @@ impl Index {
 #[derive(Serialize, Deserialize)]
 struct Collection {
     comments: Vec<String>,
-    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     crs: Option<Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     epsg: Option<u32>,
@@ -120,13 +133,9 @@ impl From<Index> for Collection {
                 kind: "Feature",
             }
         };
-        let crs = |epsg| {
-            let name = format!("urn:ogc:def:crs:EPSG::{epsg}");
-            json!({ "type": "name", "properties": { "name": name } })
-        };
         Self {
             comments: index.comments,
-            crs: index.epsg.map(crs),
+            crs: index.crs.map(|name| json!({ "type": "name", "properties": { "name": name } })),
             epsg: index.epsg,
             features: index.blocks.into_iter().map(feature).collect(),
             format: index.format,
@@ -149,7 +158,9 @@ impl Collection {
             return None;
         }
         let blocks = self.features.into_iter().map(block).collect::<Option<_>>()?;
-        Some(Index { format: self.format, epsg: self.epsg, comments: self.comments, blocks })
+        let crs = self.crs.as_ref().and_then(|crs| crs["properties"]["name"].as_str());
+        let (epsg, crs) = (self.epsg, crs.map(str::to_owned));
+        Some(Index { format: self.format, epsg, crs, comments: self.comments, blocks })
     }
 }
 
@@ -165,6 +176,7 @@ mod tests {
         let mut index = Index {
             format: "PLY".into(),
             epsg: Some(32631),
+            crs: Some("urn:ogc:def:crs:EPSG::32631".into()),
             comments: vec!["max error 5".into()],
             blocks: vec![block],
         };

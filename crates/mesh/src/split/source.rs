@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use super::index::Index;
+use super::index::{Block, Index};
 use crate::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
@@ -36,20 +36,20 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     let index = Index::read(path)?;
     let mut parts = Vec::new();
     let (mut first, mut solid) = (0, false);
+    let mut systems = index.systems();
     let mut info: Option<MeshInfo> = None;
     for block in &index.blocks {
         let path = path.join(&block.file);
         // Not another folder: one that is in itself would never end.
         let found = crate::open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
         let found = found.info().clone();
-        if found.triangles != block.triangles {
-            return Err(Error::bad_input(format!(
-                "has {} triangles, its index says {}",
-                found.triangles, block.triangles
-            ))
-            .in_file(&path)
-            .remedy("make the folder again"));
+        check(&found, block, &index, &path)?;
+        if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &found)) {
+            let what = format!("states other things than the first of {} blocks", first.format);
+            return Err(lying(&path, what));
         }
+        let prj = terrane_files::prj(&path)?;
+        systems.extend((!prj.is_empty() && !systems.contains(&prj)).then_some(prj));
         parts.push(Part { path, first, triangles: found.triangles });
         first += found.triangles;
         solid |= found.solid;
@@ -68,10 +68,41 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         indexed: false,
         solid,
         channels: Vec::new(),
+        systems: [info.systems.clone(), systems].concat(),
         details,
         ..info
     };
     Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
+}
+
+/// Fails unless a block is what the index says of it. Vertices of triangles that share none, and of solids, are
+/// more than those of the surface.
+fn check(found: &MeshInfo, block: &Block, index: &Index, path: &Path) -> Result<()> {
+    let bytes = std::fs::metadata(path).map_err(|e| Error::read(path, e))?.len();
+    let has_vertices = found.indexed && !found.solid;
+    let facts = [
+        ("triangles", found.triangles, block.triangles),
+        ("vertices", if has_vertices { found.vertices } else { block.vertices }, block.vertices),
+        ("bytes", bytes, block.bytes),
+    ];
+    if let Some((what, has, says)) = facts.into_iter().find(|(_, has, says)| has != says) {
+        return Err(lying(path, format!("has {has} {what}, its index says {says}")));
+    }
+    if found.format != index.format {
+        let message = format!("is {}, its index says {}", found.format, index.format);
+        return Err(lying(path, message));
+    }
+    Ok(())
+}
+
+fn lying(path: &Path, message: String) -> Error {
+    Error::bad_input(message).in_file(path).remedy("make the folder again")
+}
+
+/// True for blocks of one mesh: what they state is of the whole.
+fn states_the_same(a: &MeshInfo, b: &MeshInfo) -> bool {
+    let of = |info: &MeshInfo| (info.crs.clone(), info.systems.clone(), info.details.clone());
+    of(a) == of(b) && (a.origin, a.scale) == (b.origin, b.scale)
 }
 
 impl SplitSource {

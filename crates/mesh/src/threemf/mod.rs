@@ -33,6 +33,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     carries: Carries::Nothing,
     can_be_solid: true,
     states_unit: true,
+    names_crs: true,
     admits: |_| Ok(()),
     most,
     create,

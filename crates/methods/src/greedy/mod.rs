@@ -67,6 +67,7 @@ const GREEDY: Method = Method {
     memory: "",
     promise: Promise::Samples,
     takes_triangulation: true,
+    is_delaunay: true,
     takes_budget: true,
     sample_bytes: 0,
     run: |task| run::<all_points::AllPoints>(task),

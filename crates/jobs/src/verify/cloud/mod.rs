@@ -17,15 +17,16 @@ mod tests;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{KEPT, LINES, Verdict, Work, open_mesh, stated_bound, stated_text, stated_tolerance};
+use super::header::Header;
+use super::statements::{CRS, KEPT, LINES, SOURCE, Statements, TOLERANCE, TRIANGULATION};
+use super::{Work, leave_files, open_mesh};
 use crate::kept::Features;
 use crate::on_cloud::OnCloud;
 use crate::{Cancel, Progress, Resources};
-use terrane_base::bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
-use terrane_mesh::{MeshInfo, MeshSource};
+use terrane_mesh::MeshSource;
 use terrane_proof::cloud::{Bound, Placer};
 
 pub use report::{CloudVerifyReport, OfCloud};
@@ -60,50 +61,37 @@ pub fn verify_cloud(
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
+    let stated = Statements::of(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
     let source = cloud::source(&job.inputs, &job.options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
-        None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+        None => stated.tolerance().map_err(|e| e.in_file(&job.mesh))?,
     };
-    let stated = stated_bound(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let features = Features::read_for_cloud(points, lines, &job.resources)?;
     let cloud = job.inputs.join(" ");
     surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
     let asked = (tolerance, features);
     let proved = prove_cloud(&*mesh, &*source, asked, &job.resources, progress, cancel);
-    let report = proved.map_err(|e| match e.kind() {
+    let mut report = proved.map_err(|e| match e.kind() {
         ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.mesh),
         _ => e,
     })?;
-    let mut verdict = beside_stated(report.verdict, stated);
-    tell_of_files(mesh.info(), job, &mut verdict);
+    let crs = &source.info().crs;
+    let header =
+        Header { mesh: &job.mesh, info: mesh.info(), stated: &stated, crs, original: "cloud" };
+    header.judge(&mut report.verdict)?;
+    for statement in stated.of_others(&OF_CLOUDS) {
+        report.verdict.leave(format!("the statement \"{statement}\", as no cloud keeps it"));
+    }
+    let given = [job.keep_points.is_some(), job.breaklines.is_some()];
+    leave_files(&stated, given, &mut report.verdict);
     let mesh = job.mesh.display().to_string();
-    Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, verdict, ..report })
+    Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
 }
 
-/// The verdict on a mesh that states this bound: points have no surface between them to judge one by.
-fn beside_stated(verdict: Verdict, stated: bound::Bound) -> Verdict {
-    let mut not_judged = verdict.not_judged;
-    if stated == bound::Bound::Surface {
-        not_judged
-            .push("the bound on the surface that the mesh states, as points have none".to_owned());
-    }
-    Verdict::of(verdict.failures, not_judged)
-}
-
-/// Names files that the mesh was made with, as it states, and that were not given.
-fn tell_of_files(mesh: &MeshInfo, job: &CloudVerifyJob, verdict: &mut Verdict) {
-    let (points, lines) = (job.keep_points.is_none(), job.breaklines.is_none());
-    if let Some(file) = stated_text(mesh, KEPT).filter(|_| points) {
-        verdict.judged = false;
-        verdict.not_judged.push(format!("whether it keeps the points of {file} (--keep-points)"));
-    }
-    if let Some(file) = stated_text(mesh, LINES).filter(|_| lines) {
-        verdict.judged = false;
-        verdict.not_judged.push(format!("whether edges follow the lines of {file} (--breaklines)"));
-    }
-}
+/// Statements that are judged beside a cloud, or promise nothing.
+const OF_CLOUDS: [&str; 6] = [CRS, SOURCE, TOLERANCE, TRIANGULATION, KEPT, LINES];
 
 /// Proves `mesh` against the points of `source`, and that it keeps what it has to of files; what the two hold themselves is not part of the
 /// memory budget, of which this takes about half.
@@ -146,6 +134,10 @@ struct Context<'a> {
     tolerance: Option<f64>,
     bound: Option<Bound>,
     kept: OnCloud,
+    /// What the mesh states.
+    stated: Statements<'a>,
+    /// It states no triangulation that is not Delaunay.
+    is_delaunay: bool,
     /// The mesh has posts on lines that are not given.
     has_posts: bool,
 }
@@ -160,12 +152,25 @@ impl<'a> Context<'a> {
         let bounds = surface_bounds(source)?;
         let kept = features.on_cloud(source.info(), bounds)?;
         work.set_aside(kept.bytes());
-        let has_posts = !kept.has_lines() && stated_text(work.mesh.info(), LINES).is_some();
+        let stated = Statements::of(work.mesh.info())?;
+        let is_delaunay = stated.is_delaunay()?;
+        let has_posts = !kept.has_lines() && stated.text(LINES).is_some();
         let (frame, mesh) = (source.info().frame, work.mesh.info());
         let reach = kept.and_heights(bounds);
         let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
         let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
-        Ok(Self { work, source, bounds, placer, tolerance, bound, kept, has_posts })
+        Ok(Self {
+            work,
+            source,
+            bounds,
+            placer,
+            tolerance,
+            bound,
+            kept,
+            stated,
+            is_delaunay,
+            has_posts,
+        })
     }
 }
 

@@ -85,6 +85,7 @@ impl Original for OfCloud {
     type Place = [f64; 2];
     const POINTS: &'static str = "points";
     const WHOLE: &'static str = "hull";
+    const PLANE: &'static str = "in the steps of the cloud";
 
     fn told([x, y]: [f64; 2]) -> String {
         format!("x {x}, y {y}")
@@ -158,6 +159,8 @@ pub(super) fn report(
     };
     let found = Findings {
         mesh: context.work.mesh.info(),
+        stated: &context.stated,
+        is_delaunay: context.is_delaunay,
         tolerance: context.tolerance,
         vertices: &spread.counts,
         broken: spread.broken,

@@ -87,7 +87,8 @@ fn proved_with(
     cloud: &Few,
     resources: &Resources,
 ) -> CloudVerifyReport {
-    let asked = (stated_tolerance(mesh.info()).unwrap(), features);
+    let stated = Statements::of(mesh.info()).unwrap();
+    let asked = (stated.tolerance().unwrap(), features);
     let report = prove_cloud(mesh, cloud, asked, resources, &Silent, &Cancel::default()).unwrap();
     // What may differ from run to run, leave out.
     CloudVerifyReport {

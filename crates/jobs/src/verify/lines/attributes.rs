@@ -156,7 +156,7 @@ impl Rules {
                 Same::Yes => {}
                 Same::Rounded => self.lost.rounded += 1,
                 Same::No => {
-                    return Some(format!("{name} is {}, not {}", shown(own), shown(value)));
+                    return Some(format!("{name} is {}", told_apart(own, value)));
                 }
             }
         }
@@ -286,12 +286,41 @@ fn text(value: &Value) -> String {
     }
 }
 
-/// A value for messages.
-fn shown(value: &Value) -> String {
+/// A value beside the one that it should be: with their types where these differ.
+fn told_apart(own: &Value, value: &Value) -> String {
+    let is_alike = kind(own) == kind(value);
+    let told = |value: &Value| match value {
+        _ if is_alike => shown(value),
+        Value::Null => shown(value),
+        _ => format!("the {} {}", kind(value), shown(value)),
+    };
+    format!("{}, not {}", told(own), told(value))
+}
+
+/// The type of a value, for messages.
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "boolean",
+        Value::Int(_) | Value::Real(_) => "number",
+        Value::Text(_) => "text",
+        Value::Date(_) => "date",
+        Value::DateTime(_) => "time",
+        Value::Json(_) => "JSON",
+    }
+}
+
+/// A value for messages: texts are in quotes.
+pub(super) fn shown(value: &Value) -> String {
     const MOST: usize = 40;
     let text = text(value);
-    match text.char_indices().nth(MOST) {
-        Some((end, _)) => format!("{:?}...", &text[..end]),
-        None => format!("{text:?}"),
+    let (start, rest) = match text.char_indices().nth(MOST) {
+        Some((end, _)) => (&text[..end], "..."),
+        None => (&*text, ""),
+    };
+    match value {
+        Value::Null => "null".to_owned(),
+        Value::Text(_) => format!("{start:?}{rest}"),
+        _ => format!("{start}{rest}"),
     }
 }

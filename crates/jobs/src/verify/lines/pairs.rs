@@ -4,7 +4,7 @@ use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 
 use super::LineVerifyJob;
-use super::attributes::{Facts, Rules};
+use super::attributes::{Facts, Rules, shown};
 use super::findings::Findings;
 use super::own::{Own, OwnPart, Placed, beside, key};
 use crate::memory::{PROGRAM, short};
@@ -310,7 +310,7 @@ fn visit_gone(part: &OwnPart, visit: &mut Visit<'_>) -> Result<()> {
 /// Something to know a feature by.
 fn named(own: &Own) -> String {
     let first = own.facts.first();
-    first.map_or(String::new(), |(name, value)| format!(" ({name} {value:?})"))
+    first.map_or(String::new(), |(name, value)| format!(" ({name} {})", shown(value)))
 }
 
 /// Which features were made from which.
