@@ -79,7 +79,9 @@ pub use facade::*;
 pub use terrane_base::bound::Bound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
-pub use terrane_cloud::{CloudInfo, Filter, Flags, LasVersion, Marks, PointFormat, Return};
+pub use terrane_cloud::{
+    CloudInfo, Condition, Filter, Flags, LasVersion, Marks, PointFormat, Return,
+};
 pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::contour::ContourReport;
 pub use terrane_jobs::convert::ConvertReport;
@@ -90,8 +92,8 @@ pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tiles::{Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::translate::{
-    Above, Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, Sort, Squares, Thin,
-    TranslateReport,
+    Above, Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, Sort, Split, Squares,
+    Thin, TranslateReport,
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, FileAt, Progress};

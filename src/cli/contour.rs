@@ -25,12 +25,14 @@ use crate::raster;
 #[group(id = "contour")]
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
-    /// quotes are one mosaic
-    #[arg(required = true, value_parser = names::any())]
+    /// quotes are one mosaic. The last name is that of the file to write
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     input: Vec<String>,
-    /// File to write
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(skip)]
     output: PathBuf,
+    /// File to write, where it is not the last name
+    #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
+    named: Option<PathBuf>,
     #[command(flatten)]
     levels: Where,
     /// Height from which the multiples are counted [default: 0]
@@ -116,9 +118,18 @@ fn tile_cells() -> impl TypedValueParser<Value = u32> {
 
 impl Verb for Args {
     const NAME: &'static str = "contour";
+    const USAGE: Option<&'static str> =
+        Some("[OPTIONS] <--interval <HEIGHT>|--levels <LIST>> <INPUT>... <OUTPUT>");
 
     fn lists() -> Vec<String> {
         vec![lists::grids(), lists::features_written(), lists::EXIT_CODES.to_owned()]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        let Self { input, output, named, .. } = self;
+        let Some(named) = named.take() else { return Some((input, output)) };
+        *output = named;
+        None
     }
 
     fn many(&self) -> Option<&Many> {

@@ -127,8 +127,9 @@ impl Model {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Cells")]
 struct Cells {
-    /// Side of a cell, or its width and height, in the units of the CRS
-    #[arg(long, value_name = "SIZE", value_parser = parse::cell, required_unless_present = "like")]
+    /// Side of a cell, or its width and height, in the units of the CRS [default of --dtm, --dsm and --chm: about the
+    /// distance between points, rounded up to 1, 2 or 5 times a power of ten]
+    #[arg(long, value_name = "SIZE", value_parser = parse::cell)]
     cell: Option<[f64; 2]>,
     /// A corner of some cell [default: 0,0]
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = parse_pair)]
@@ -296,6 +297,7 @@ impl Wanted {
                 align: cells.align,
                 bbox: cells.bbox,
                 like: cells.like.clone(),
+                is_chosen: false,
             },
             compat: match cells.compat {
                 CompatName::None => Compat::None,
@@ -399,7 +401,14 @@ fn points(r: &GridReport) -> String {
     ];
     let dropped = dropped.into_iter().filter(|(count, _)| *count > 0);
     let dropped = dropped.map(|(count, why)| format!(", {} {why}", text::count(count)));
-    format!("{} read", text::count(p.read)) + &dropped.collect::<String>()
+    let read = match r.cloud_points {
+        None => format!("{} read", text::count(p.read)),
+        Some(all) => {
+            let [all, read] = [all, p.read].map(text::count);
+            format!("{all} in the cloud; {read} read by tiles, those near several for each")
+        }
+    };
+    read + &dropped.collect::<String>()
 }
 
 fn bands(r: &GridReport) -> String {

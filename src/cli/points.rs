@@ -14,7 +14,7 @@ use crate::jobs::sift::Sifted;
 use crate::jobs::translate::plan::{PointsWritten, run_in};
 use crate::jobs::translate::{
     self, Above, Assign, BufferMark, Classify, HeightsAs, KEPT, Layers, Overlap, SORTS, Sort,
-    Squares, Thin, TranslateJob, TranslateReport,
+    Split, Squares, Thin, TranslateJob, TranslateReport,
 };
 use crate::jobs::{Cancel, Resources};
 use terrane_ground::noise;
@@ -101,16 +101,20 @@ pub(super) struct Wanted {
     #[arg(long, value_name = "ORDER", long_help = sort_help())]
     sort: Option<Sort>,
     /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
-    #[arg(long, value_name = "SIDE", value_parser = parse::positive, help_heading = "Squares")]
+    #[arg(long, value_name = "SIDE", value_parser = parse::positive, group = "division", help_heading = "Folders")]
     tile: Option<f64>,
+    /// A folder instead of one file, of a file for each value of this attribute, such as classification or
+    /// point_source_id (flight lines), named by both
+    #[arg(long, value_name = "ATTRIBUTE", group = "division", help_heading = "Folders")]
+    split: Option<String>,
     /// Points around each square up to so far away, too, marked by --buffer-mark
-    #[arg(long, value_name = "WIDTH", requires = "tile", value_parser = parse::positive, help_heading = "Squares")]
+    #[arg(long, value_name = "WIDTH", requires = "tile", value_parser = parse::positive, help_heading = "Folders")]
     buffer: Option<f64>,
     /// How points of buffers are marked: withheld or synthetic
-    #[arg(long, value_name = "MARK", requires = "buffer", default_value_t, value_parser = parse_mark, help_heading = "Squares")]
+    #[arg(long, value_name = "MARK", requires = "buffer", default_value_t, value_parser = parse_mark, help_heading = "Folders")]
     buffer_mark: BufferMark,
-    /// What the files of squares are: laz or las
-    #[arg(long, value_name = "NAME", requires = "tile", default_value = "laz", value_parser = ["laz", "las"], help_heading = "Squares")]
+    /// What the files of a folder are: laz or las
+    #[arg(long, value_name = "NAME", requires = "division", default_value = "laz", value_parser = ["laz", "las"], help_heading = "Folders")]
     tile_format: String,
     #[command(flatten)]
     points: Points,
@@ -180,6 +184,7 @@ impl Wanted {
             transform: self.system.transform()?,
             sort: self.sort,
             squares: self.squares(),
+            split: self.split(),
             resources,
             ..TranslateJob::new(input, output)
         })
@@ -193,10 +198,19 @@ impl Wanted {
         Above { from: GroundName::of(self.ground), heights, classify: self.classify.clone() }
     }
 
+    fn split(&self) -> Option<Split> {
+        let is_plain = self.is_plain();
+        self.split.clone().map(|attribute| Split { attribute, is_plain })
+    }
+
+    fn is_plain(&self) -> bool {
+        self.tile_format == "las"
+    }
+
     /// The squares asked for, and whether their files are uncompressed.
     fn squares(&self) -> Option<(Squares, bool)> {
         let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);
-        self.tile.map(|side| (Squares { side, buffer, mark }, self.tile_format == "las"))
+        self.tile.map(|side| (Squares { side, buffer, mark }, self.is_plain()))
     }
 }
 
@@ -262,13 +276,13 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn check_files(args: &Args, names: &[String]) -> Result<()> {
     let output: Vec<&Path> =
         std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
-    let Wanted { points, system, tile, .. } = &args.wanted;
+    let Wanted { points, system, tile, split, .. } = &args.wanted;
     check::not_among(&crate::cloud::files(names)?, &output)?;
     check::not_among(&points.files()?, &output)?;
     check::not_among(&system.files()?, &output)?;
-    match tile {
-        Some(_) => crate::atomic::refuse_stdout(&args.output),
-        None => check::new_file(&args.output, args.overwrite),
+    match tile.is_some() || split.is_some() {
+        true => crate::atomic::refuse_stdout(&args.output),
+        false => check::new_file(&args.output, args.overwrite),
     }
 }
 

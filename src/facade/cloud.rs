@@ -95,8 +95,9 @@ impl Cloud {
     /// # fn main() -> terrane::Result<()> {
     /// use terrane::Filter;
     /// let cloud = terrane::open_cloud("synth:cloud,size=50,density=2,seed=7")?;
-    /// let ground = cloud.filter(Filter { classes: Some(vec![2]), ..Filter::default() })?;
-    /// # let _ = ground;
+    /// let condition = Some("classification = 2 and intensity > 100".parse().unwrap());
+    /// let strong = cloud.filter(Filter { condition, ..Filter::default() })?;
+    /// # let _ = strong;
     /// # Ok(())
     /// # }
     /// ```
@@ -138,8 +139,10 @@ impl Cloud {
 
     /// A grid with square cells of this side, in units of the reference system: statistics of the points
     /// in each, or a model of the terrain.
-    pub fn grid(&self, cell: f64) -> GridBuilder<'_> {
-        GridBuilder::of(self, cell)
+    ///
+    /// A [model](GridBuilder::model) without a side (`None`) has cells of about the distance between points.
+    pub fn grid(&self, cell: impl Into<Option<f64>>) -> GridBuilder<'_> {
+        GridBuilder::of(self, cell.into())
     }
 
     /// Its points in files of points.
@@ -325,7 +328,8 @@ run_settings!([] GridBuilder<'_>);
 output_settings!([] GridBuilder<'_>);
 
 impl<'a> GridBuilder<'a> {
-    fn of(cloud: &'a Cloud, cell: f64) -> Self {
+    fn of(cloud: &'a Cloud, cell: Option<f64>) -> Self {
+        let cell = cell.map(|side| [side; 2]);
         Self {
             cloud,
             stats: "mean".to_owned(),
@@ -333,7 +337,7 @@ impl<'a> GridBuilder<'a> {
             ground: GroundFrom::Auto,
             canopy: Canopy::default(),
             water: None,
-            placement: Placement::new([cell; 2]),
+            placement: Placement { cell, ..Placement::default() },
             radius: None,
             max_edge: None,
             fill: 0,

@@ -9,7 +9,7 @@ use terrane_base::{Error, Result};
 use terrane_cloud::{LasVersion, PointFormat};
 use terrane_jobs::translate::plan::{PlanPointsJob, plan_points};
 use terrane_jobs::translate::{
-    self, Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, TranslateReport,
+    self, Above, Assign, Overlap, Sort, Split, Squares, Thin, TranslateJob, TranslateReport,
 };
 
 /// Points of a cloud in files to be written, with all that is known of them: one file, or one for each square. Points
@@ -192,6 +192,29 @@ impl<'a> PointsBuilder<'a> {
         folder: impl Into<PathBuf>,
     ) -> Result<TranslateReport> {
         let job = TranslateJob { squares: Some((squares, false)), ..self.job(folder.into())? };
+        translate::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+
+    /// Writes a folder of a file for each value of an attribute, such as `classification` or `point_source_id`.
+    ///
+    /// # Errors
+    /// Those of [`write`](Self::write); an attribute that the points do not have, or of too many values.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [parts, path] = ["parts", "points.xyz"].map(|name| folder.path().join(name));
+    /// std::fs::write(&path, "x y z class\n0 0 7 2\n1 0 9 5\n2 0 7 2\n").unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+    /// let split = terrane::Split { attribute: "class".to_owned(), is_plain: false };
+    /// assert_eq!(cloud.points().write_split(split, &parts)?.files, 2);
+    /// let ground = parts.join("classification_2.laz");
+    /// assert_eq!(terrane::open_cloud(ground.to_str().unwrap())?.info().count, 2);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn write_split(self, split: Split, folder: impl Into<PathBuf>) -> Result<TranslateReport> {
+        let job = TranslateJob { split: Some(split), ..self.job(folder.into())? };
         translate::run(&job, &*self.run.progress, &self.run.cancel)
     }
 

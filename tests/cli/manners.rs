@@ -22,6 +22,10 @@ fn the_output_may_stand_behind_an_option() {
         (&["convert", "a.asc", "--round", "b.asc"], "b.asc"),
         (&["grid", "a.txt", "--cell", "100", "a.tif"], "a.tif"),
         (&["line", "a.wkt", "--tolerance", "1", "b.wkt"], "b.wkt"),
+        (&["contour", "a.asc", "--interval", "3", "c.fgb"], "c.fgb"),
+        (&["contour", "a.asc", "-o", "d.fgb", "--interval", "3"], "d.fgb"),
+        (&["tin", "a.asc", "--max-error", "2", "--exaggeration", "2", "a.stl"], "a.stl"),
+        (&["tin", "a.asc", "--max-error", "2", "--exaggerate", "2", "b.stl"], "b.stl"),
     ] {
         place.ok(args);
         assert!(place.path(output).is_file(), "{args:?}");
@@ -197,5 +201,26 @@ mod latin {
         let missing = run(&place, &["info".as_ref(), &name("nowhere")]);
         let told = String::from_utf8_lossy(&missing.stderr).into_owned();
         assert!(told.contains("d\u{fffd}m.nowhere"), "{told}");
+    }
+}
+
+/// A run that is killed leaves nothing, not even a hidden file, beside its output.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_killed_run_leaves_no_hidden_file() {
+    let place = Place::new();
+    let jobs: [&[&str]; 3] = [
+        &["tin", "synth:rough,size=6001,seed=1", "o.ply", "--max-error", "0.5", "--threads", "1"],
+        &["convert", "synth:rough,size=12001,seed=1", "o.tif", "--threads", "1"],
+        &["synth", "cloud,size=3000,density=8", "o.laz"],
+    ];
+    for job in jobs {
+        let mut child = place.command(job).spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(700));
+        assert!(child.try_wait().unwrap().is_none(), "{job:?} ended before it was killed");
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let left: Vec<_> = std::fs::read_dir(place.path("")).unwrap().flatten().collect();
+        assert!(left.is_empty(), "{job:?}: {left:?}");
     }
 }

@@ -48,9 +48,9 @@ const PRINTS: [(&[&str], [f64; 3]); 6] = [
     // 0.008 x 0.006 degrees at latitude 46.003.
     (&[], [619.4, 666.9, 35.0]),
     (&["--keep-degrees"], [0.008, 0.006, 35.0]),
-    (&["--exaggerate", "2"], [619.4, 666.9, 70.0]),
+    (&["--exaggeration", "2"], [619.4, 666.9, 70.0]),
     (&["--size", "100mm"], [92.88, 100.0, 5.248]),
-    (&["--scale", "1:10000", "--exaggerate", "3"], [61.94, 66.69, 10.5]),
+    (&["--scale", "1:10000", "--exaggeration", "3"], [61.94, 66.69, 10.5]),
     (&["--size", "10cm", "--base", "3mm"], [92.88, 100.0, 8.248]),
 ];
 
@@ -148,7 +148,7 @@ fn solids_are_never_proved_and_never_called_broken() {
         (&[][..], false),
         (&["--size", "100mm"], false),
         (&["--size", "100mm", "--base", "3mm"], true),
-        (&["--scale", "1:10000", "--exaggerate", "2", "--base", "1mm"], true),
+        (&["--scale", "1:10000", "--exaggeration", "2", "--base", "1mm"], true),
         (&["--co", "SOLID_BASE=250"], true),
         (&["--co", "SOLID_BASE=250", "--keep-degrees"], true),
         (&["--co", "SOLID_BASE=250", "--split", "1", "--tile", "16", "--format", "STL"], true),
@@ -185,8 +185,8 @@ const BEYOND: [(&str, &str); 7] = [
     ("--scale", "1e60"),
     ("--size", "1e-45m"),
     ("--size", "1e-290mm"),
-    ("--exaggerate", "1e-50"),
-    ("--exaggerate", "1e60"),
+    ("--exaggeration", "1e-50"),
+    ("--exaggeration", "1e60"),
 ];
 
 #[test]
@@ -203,7 +203,7 @@ fn prints_that_collapse_are_refused_by_name() {
             }
             // Small, and still what it was.
             for (option, value) in
-                [("--scale", "1e-30"), ("--size", "1e-25m"), ("--exaggerate", "1e-9")]
+                [("--scale", "1e-30"), ("--size", "1e-25m"), ("--exaggeration", "1e-9")]
             {
                 place.ok(&["tin", input, &output, "--max-error", "4", option, value]);
                 place.ok(&["verify", &output, input, "--max-error", "4"]);

@@ -241,7 +241,7 @@ fn filters_act_on_synthetic_clouds() {
         ),
     ];
     for (filter, wanted) in cases {
-        let source = Synthetic::new(survey.clone(), filter.clone());
+        let source = Synthetic::new(survey.clone(), filter.clone()).unwrap();
         let info = source.info().clone();
         let (mut points, mut census) = (Vec::new(), terrane_cloud::Census::default());
         for part in 0..source.parts() {
@@ -264,7 +264,7 @@ fn filters_act_on_synthetic_clouds() {
         assert!(points.iter().all(|p| p.x <= high.x && p.y <= high.y && p.z <= high.z));
     }
     let nowhere = Filter { bounds: Some([0.0, 0.0, 1.0, 1.0]), ..Filter::default() };
-    assert_eq!(Synthetic::new(survey, nowhere).info().bounds, None);
+    assert_eq!(Synthetic::new(survey, nowhere).unwrap().info().bounds, None);
 }
 
 #[test]

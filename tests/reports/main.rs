@@ -10,6 +10,7 @@ mod cloud_support;
 #[path = "../common/raster_support/mod.rs"]
 mod raster_support;
 
+mod cells;
 mod lidar;
 mod lines;
 mod prints;

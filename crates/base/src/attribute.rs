@@ -5,7 +5,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::registry::{Named, find};
+use crate::registry::Named;
 
 /// An attribute that points have by the standard of LAS.
 #[derive(Debug)]
@@ -36,10 +36,10 @@ pub const ATTRIBUTES: &[Attribute] = &[
     // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
     Attribute {
         step: Some(0.002),
-        ..whole("scan_angle", &["angle"], "angle of the beam in degrees")
+        ..whole("scan_angle", &["angle", "scan_angle_rank"], "angle of the beam in degrees")
     },
     whole("user_data", &["user"], "whatever the user likes"),
-    whole("point_source_id", &["source"], "the file or flight line it came from"),
+    whole("point_source_id", &["source", "point_source"], "the file or flight line it came from"),
     whole("red", &[], "colour"),
     whole("green", &[], "colour"),
     whole("blue", &[], "colour"),
@@ -67,9 +67,12 @@ impl Named for Attribute {
     }
 }
 
-/// The attribute of the standard with this name.
+/// The attribute of the standard with this name; letter case and underscores do not matter, so names
+/// such as `PointSourceId` are known.
 pub fn known(name: &str) -> Option<&'static Attribute> {
-    find(ATTRIBUTES, name)
+    let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
+    let is_it = |own: &&str| plain(own) == plain(name);
+    ATTRIBUTES.iter().find(|one| is_it(&one.name) || one.aliases.iter().any(|own| is_it(own)))
 }
 
 /// A return of a pulse.
@@ -133,6 +136,7 @@ mod tests {
         all.dedup();
         assert_eq!(all.len(), count);
         assert_eq!(known("CLASS").map(|attribute| attribute.name), Some(CLASS));
+        assert_eq!(known("PointSourceId").map(|found| found.name), Some("point_source_id"));
         assert!(known("amplitude").is_none());
     }
 }

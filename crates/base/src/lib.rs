@@ -7,6 +7,7 @@ pub mod bound;
 pub mod cancel;
 pub mod digits;
 pub mod error;
+pub mod formula;
 pub mod geom;
 pub mod limits;
 pub mod parameters;

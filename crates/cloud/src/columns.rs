@@ -1,8 +1,8 @@
 //! Attributes of points as columns of numbers, whatever the file that has them.
 
-use terrane_base::attribute::{CLASS, RETURN, RETURNS};
+use terrane_base::attribute::{self, CLASS, RETURN, RETURNS};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Point;
+use terrane_base::geom::{Point, Ruler};
 use terrane_files::path_of;
 
 use super::member::take_room;
@@ -41,7 +41,15 @@ pub(crate) enum Reader {
 impl Reader {
     /// Whether it takes whole records.
     pub(crate) fn needs_record(&self) -> bool {
-        matches!(self, Self::Field(_))
+        self.column().is_some()
+    }
+
+    /// Where it is in the whole record, if it takes that.
+    pub(crate) fn column(&self) -> Option<&Column> {
+        match self {
+            Self::Field(column) => Some(column),
+            _ => None,
+        }
     }
 
     #[inline(always)]
@@ -53,28 +61,44 @@ impl Reader {
             Self::Field(column) => column.number(record),
         }
     }
+
+    /// The value; of whole numbers that are steps of a ruler the decimal, as people write it.
+    pub(crate) fn decimal<R: Raw>(&self, raw: R, record: &[u8], ruler: Option<&Ruler>) -> f64 {
+        match (self, ruler) {
+            (Self::Field(column), Some(ruler)) => column.decimal(record, ruler),
+            _ => self.value(raw, record),
+        }
+    }
 }
 
 /// Readers of the attributes of these names, where records have these columns.
 ///
 /// # Errors
-/// An attribute that is not among them; they are listed.
+/// Those of [`reader`].
 pub(crate) fn readers(names: &[String], columns: &[Column]) -> Result<Vec<Reader>> {
-    let is_it = |name: &str, asked: &str| name.trim().eq_ignore_ascii_case(asked.trim());
-    let find = |asked: &String| {
-        let common = COMMON.iter().find(|(name, _)| is_it(name, asked));
-        let field = || columns.iter().find(|column| is_it(&column.name, asked)).cloned();
-        common.map(|(_, reader)| reader.clone()).or_else(|| field().map(Reader::Field))
+    names.iter().map(|asked| reader(asked, columns)).collect()
+}
+
+/// The reader of the attribute of this name, or that stands for it, where records have these columns.
+///
+/// # Errors
+/// An attribute that is not among them; they are listed.
+pub(crate) fn reader(asked: &str, columns: &[Column]) -> Result<Reader> {
+    let own = |name: &str| {
+        let is_it = |own: &str| own.trim().eq_ignore_ascii_case(name.trim());
+        let common = COMMON.iter().find(|(own, _)| is_it(own)).map(|(_, reader)| reader.clone());
+        let field = || columns.iter().find(|column| is_it(&column.name)).cloned();
+        common.or_else(|| field().map(Reader::Field))
     };
-    let lacking = |asked: &String| {
+    let known = || own(attribute::known(asked.trim())?.name);
+    own(asked).or_else(known).ok_or_else(|| {
         let common = COMMON.iter().map(|(name, _)| *name);
         let own = columns.iter().map(|column| column.name.as_str());
         let own = own.filter(|name| COMMON.iter().all(|(common, _)| common != name));
         let all: Vec<&str> = common.chain(own).collect();
         Error::usage(format!("its points have no attribute \"{asked}\""))
             .remedy(format!("they have {}", all.join(", ")))
-    };
-    names.iter().map(|asked| find(asked).ok_or_else(|| lacking(asked))).collect()
+    })
 }
 
 /// Points at hand, with their columns.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use terrane_base::attribute::Return;
 use terrane_base::geom::{Frame, Point};
 
-use super::Polygon;
+use super::{Condition, Polygon};
 
 /// Which points are wanted: those that meet every condition given. Limits are turned into steps of the
 /// cloud's frame first, and all is decided on steps (see [`Gate`]).
@@ -28,6 +28,9 @@ pub struct Filter {
     pub polygon: Option<Arc<Polygon>>,
     /// Not lower than the first and not higher than the second; in world units.
     pub z_range: Option<[f64; 2]>,
+    /// Whose attributes meet this condition.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub condition: Option<Condition>,
     /// Every so many points of each file, from its first one on, counted before all else.
     pub every: Option<NonZeroU32>,
 }
@@ -152,7 +155,7 @@ impl Gate {
         (low.x <= high.x && low.y <= high.y && low.z <= high.z).then_some([low, high])
     }
 
-    /// What becomes of `record`, condition by condition. A point that is withheld and not wanted
+    /// What becomes of `record`, by all but the [`Filter::condition`]. A point that is withheld and not wanted
     /// for another reason, too, counts as withheld.
     pub fn judge(&self, record: &Record) -> Verdict {
         if !self.filter.keep_withheld && record.flags.meets(Flags::WITHHELD) {

@@ -118,7 +118,10 @@ pub(super) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn PointSou
         .and_then(|claim| gate.cut([claim.low, claim.high].map(|[x, y, z]| Point::new(x, y, z))));
     let known = stock.crs.clone();
     let crs = if known == Crs::default() { options.crs.clone().unwrap_or(known) } else { known };
-    let sieve = claim.map(|claim| Sieve::new(gate, claim, Map::Shift([0; 3]), options.salvage));
+    let condition = options.filter.condition.as_ref();
+    let test = condition.map(|condition| condition.bind(&[], &frame)).transpose()?;
+    let gates = (gate, test);
+    let sieve = claim.map(|claim| Sieve::new(gates, claim, Map::Shift([0; 3]), options.salvage));
     let count = if sieve.is_some() { stock.points.len() as u64 } else { 0 };
     let info = CloudInfo { frame, bounds, count, crs };
     let notes = stock.placed.note.iter().cloned().collect();
@@ -149,7 +152,13 @@ impl PointSource for Open {
         if let Some(sieve) = &self.sieve {
             let first = (part * BATCH) as u64;
             let records = self.part(part).iter().copied();
-            sieve.sift(records, first, &mut points, &mut census)?;
+            if sieve.needs_records() {
+                for (index, record) in (first..).zip(records) {
+                    points.extend(sieve.pick((record, &[]), index, &mut census)?);
+                }
+            } else {
+                sieve.sift(records, first, &mut points, &mut census)?;
+            }
             each(&points)?;
         }
         Ok(census)
@@ -176,7 +185,7 @@ impl Columns for Told<'_> {
         let Some(sieve) = &self.open.sieve else { return Ok(census) };
         let first = (part * BATCH) as u64;
         for (index, point) in (first..).zip(self.open.part(part)) {
-            if let Some(place) = sieve.pick(*point, index, &mut census)? {
+            if let Some(place) = sieve.pick((*point, &[]), index, &mut census)? {
                 table.push(place, *point, &[]);
             }
         }

@@ -4,6 +4,7 @@ mod agree;
 mod carry;
 mod class;
 mod columns;
+mod condition;
 mod copc;
 mod facts;
 mod filter;
@@ -26,6 +27,7 @@ pub mod write;
 pub use carry::{Carrier, Seen, Sight, Target};
 pub use class::class_name;
 pub use columns::{Columns, Each};
+pub use condition::{AXES, Condition};
 pub use filter::{Filter, Flags, Gate, Record, Verdict};
 pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
@@ -46,7 +48,7 @@ pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointS
     match inputs {
         [name] if synth::is_synthetic(name) => {
             let survey = synth::survey(name)?;
-            Ok(Box::new(synth::Synthetic::new(survey, options.filter.clone())))
+            Ok(Box::new(synth::Synthetic::new(survey, options.filter.clone())?))
         }
         [name] if is_held(name) => held::open(name, options),
         _ => Ok(Box::new(open(inputs, options)?)),

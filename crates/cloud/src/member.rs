@@ -102,6 +102,20 @@ struct Sift<'a, 'b> {
     each: &'a mut Each<'b>,
 }
 
+impl Take for Sift<'_, '_> {
+    fn take<'r, R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        self.points.clear();
+        for (index, (bytes, raw)) in (first..).zip(records) {
+            self.points.extend(self.sieve.pick((raw, bytes), index, &mut self.census)?);
+        }
+        self.points.chunks(BATCH).try_for_each(&mut *self.each)
+    }
+}
+
 impl Visit for Sift<'_, '_> {
     fn visit<R: Raw>(
         &mut self,
@@ -126,10 +140,20 @@ impl Visit for Look<'_> {
         first: u64,
         records: impl ExactSizeIterator<Item = R> + Clone,
     ) -> Result<()> {
-        for (index, raw) in (first..).zip(records) {
+        self.take(first, records.map(|raw| (&[][..], raw)))
+    }
+}
+
+impl Take for Look<'_> {
+    fn take<'r, R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        for (index, (bytes, raw)) in (first..).zip(records) {
             let record = self.sieve.record(raw, index);
             self.census.read += 1;
-            match self.sieve.gate().judge(&record) {
+            match self.sieve.judge(raw, bytes, &record) {
                 Verdict::Withheld => self.census.withheld += 1,
                 Verdict::Filtered => self.census.filtered += 1,
                 Verdict::Keep => {
@@ -166,7 +190,7 @@ impl Take for Tell<'_, '_> {
         records: impl Iterator<Item = (&'r [u8], R)>,
     ) -> Result<()> {
         for (index, (record, raw)) in (first..).zip(records) {
-            if let Some(point) = self.sieve.pick(raw, index, &mut self.census)? {
+            if let Some(point) = self.sieve.pick((raw, record), index, &mut self.census)? {
                 self.table.push(point, raw, record);
             }
         }
@@ -203,7 +227,9 @@ impl Take for Carry<'_, '_> {
     ) -> Result<()> {
         self.out.clear();
         for (index, (record, raw)) in (first..).zip(records) {
-            let Some(place) = self.sieve.pick(raw, index, &mut self.census)? else { continue };
+            let Some(place) = self.sieve.pick((raw, record), index, &mut self.census)? else {
+                continue;
+            };
             let place = (!self.as_stored).then_some(place);
             self.recast.push(record, place, &mut self.out).map_err(|what| {
                 Error::unsupported(format!("it has {what}, which the point format cannot hold"))
@@ -268,7 +294,10 @@ impl Member {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let Room { records, points } = room;
         let mut sift = Sift { sieve, points, census: Census::default(), each };
-        let lost = self.visit(part, sieve.wanted(), records, &mut sift)?;
+        let lost = match sieve.needs_records() {
+            true => self.take(part, records, &mut sift),
+            false => self.visit(part, sieve.wanted(), records, &mut sift),
+        }?;
         Ok(self.with_lost(part, sift.census, lost))
     }
 
@@ -276,7 +305,10 @@ impl Member {
     pub(super) fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let mut look = Look { sieve, census: Census::default(), each };
-        let lost = take_room(|room| self.visit(part, Wanted::ALL, &mut room.records, &mut look))?;
+        let lost = take_room(|room| match sieve.needs_records() {
+            true => self.take(part, &mut room.records, &mut look),
+            false => self.visit(part, Wanted::ALL, &mut room.records, &mut look),
+        })?;
         Ok(self.with_lost(part, look.census, lost))
     }
 
@@ -291,7 +323,7 @@ impl Member {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let mut carry =
             Carry { sieve, recast, as_stored, census: Census::default(), out: Vec::new(), each };
-        let lost = self.take(part, room, &mut carry)?;
+        let lost = self.take(part, &mut room.records, &mut carry)?;
         Ok(self.with_lost(part, carry.census, lost))
     }
 
@@ -305,8 +337,9 @@ impl Member {
     ) -> Result<Census> {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let mut tell = Tell { sieve, table: Table::new(readers), census: Census::default(), each };
-        let lost = match readers.iter().any(Reader::needs_record) {
-            true => self.take(part, room, &mut tell),
+        let needs_records = sieve.needs_records() || readers.iter().any(Reader::needs_record);
+        let lost = match needs_records {
+            true => self.take(part, &mut room.records, &mut tell),
             false => {
                 let wanted = Wanted { class: true, ..sieve.wanted() };
                 self.visit(part, wanted, &mut room.records, &mut tell)
@@ -316,25 +349,19 @@ impl Member {
     }
 
     /// Lets `taker` have the whole records of a part, block by block; returns how many are lost.
-    fn take(&self, part: usize, room: &mut Room, taker: &mut impl Take) -> Result<u64> {
+    fn take(&self, part: usize, room: &mut las::Room, taker: &mut impl Take) -> Result<u64> {
         match &self.file {
             File::Las(file) => {
                 let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
-                file.records(
-                    part,
-                    Wanted::RECORDS,
-                    self.salvage,
-                    &mut room.records,
-                    &mut |first, block| {
-                        let Block::Records(records) = block else { return Err(no_records()) };
-                        let records = records.chunks_exact(size);
-                        match is_new {
-                            true => taker.take(first, records.map(|r| (r, New::of(r)))),
-                            false => taker.take(first, records.map(|r| (r, Old::of(r)))),
-                        }
-                        .map_err(|e| e.in_file(&file.path))
-                    },
-                )
+                file.records(part, Wanted::RECORDS, self.salvage, room, &mut |first, block| {
+                    let Block::Records(records) = block else { return Err(no_records()) };
+                    let records = records.chunks_exact(size);
+                    match is_new {
+                        true => taker.take(first, records.map(|r| (r, New::of(r)))),
+                        false => taker.take(first, records.map(|r| (r, Old::of(r)))),
+                    }
+                    .map_err(|e| e.in_file(&file.path))
+                })
             }
             File::Text(file) => {
                 let size = file.format().size();

@@ -15,6 +15,8 @@ use terrane_base::error::{Error, ErrorKind, Result, all};
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_files::{RawFile, Seek, path_of, shown};
 
+use super::carry::Origin;
+use super::condition::Test;
 use super::frame::{self, Claim, Common, Map};
 use super::las::LasFile;
 use super::member::{File, Member, take_room};
@@ -290,9 +292,11 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
         let map = touching.and_then(|_| maps.next().copied());
         ends.push(touching.zip(map).and_then(|(claim, map)| gate.cut(placed(&claim, &map))));
-        let sieve = claim
-            .zip(map)
-            .map(|(claim, map)| Sieve::new(gate.clone(), claim, map, options.salvage));
+        let of = |(claim, map)| {
+            let test = test(&names[members.len()], &file, (&options.filter, &common.frame))?;
+            Ok(Sieve::new((gate.clone(), test), claim, map, options.salvage))
+        };
+        let sieve = claim.zip(map).map(of).transpose()?;
         members.push(Member { file, sieve, salvage: options.salvage, lost: Mutex::default() });
     }
     let bounds = ends.iter().flatten().copied().reduce(around);
@@ -301,6 +305,13 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
     let notes = notes(&names, &members, &info, (common.moved, heights));
     Ok(Cloud { info, names, members, claims: ends, parts, notes, lattice })
+}
+
+/// What attributes of the points of a file have to meet.
+fn test(name: &str, file: &File, (filter, frame): (&Filter, &Frame)) -> Result<Option<Test>> {
+    let Some(condition) = &filter.condition else { return Ok(None) };
+    let columns = Origin::new(name, file)?.columns();
+    condition.bind(&columns, frame).map(Some).map_err(|e| e.in_file(&path_of(name)))
 }
 
 /// The lattice of all files and the steps from it to the frame, where all have one.

@@ -3,6 +3,7 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
+use super::condition::Test;
 use super::frame::{Claim, Map};
 use super::{Census, Filter, Flags, Gate, Record, Verdict};
 
@@ -20,6 +21,8 @@ pub(super) trait Raw: Copy {
 #[derive(Clone, Debug)]
 pub(super) struct Sieve {
     gate: Gate,
+    /// What attributes have to meet.
+    test: Option<Test>,
     /// True when all filters but for withheld points would let everything through.
     is_plain: bool,
     claim: Claim,
@@ -37,18 +40,38 @@ struct Counts {
 }
 
 impl Sieve {
-    pub(super) fn new(gate: Gate, claim: Claim, map: Map, salvage: bool) -> Self {
+    /// For points of one file.
+    pub(super) fn new(
+        (gate, test): (Gate, Option<Test>),
+        claim: Claim,
+        map: Map,
+        salvage: bool,
+    ) -> Self {
         let keep_withheld = gate.filter().keep_withheld;
         let open = Filter { keep_withheld, ..Filter::default() };
-        Self { is_plain: *gate.filter() == open, gate, claim, map, salvage }
+        Self { is_plain: *gate.filter() == open, gate, test, claim, map, salvage }
     }
 
     pub(super) fn gate(&self) -> &Gate {
         &self.gate
     }
 
-    /// Counts `records` into `census` and leaves those wanted in `out`. `first` is the number of the
-    /// first one in its file.
+    /// Whether points are chosen by what only whole records tell.
+    pub(super) fn needs_records(&self) -> bool {
+        self.test.is_some()
+    }
+
+    /// What becomes of a point, of which these are the bytes where whole records are needed.
+    pub(super) fn judge<R: Raw>(&self, raw: R, bytes: &[u8], record: &Record) -> Verdict {
+        let holds = |test: &Test| test.holds(record.point, raw, bytes);
+        match self.gate.judge(record) {
+            Verdict::Keep if !self.test.as_ref().is_none_or(holds) => Verdict::Filtered,
+            verdict => verdict,
+        }
+    }
+
+    /// Counts `records` into `census` and leaves those wanted in `out`, where no whole records are
+    /// needed. `first` is the number of the first one in its file.
     ///
     /// # Errors
     /// A point outside the bounds its file claims, unless those are given up.
@@ -128,19 +151,20 @@ impl Sieve {
         counts
     }
 
-    /// Counts a record into `census`; where it is wanted, returns its place.
+    /// Counts a record into `census`; where it is wanted, returns its place. Its bytes matter only where
+    /// whole records are needed.
     ///
     /// # Errors
     /// Those of [`sift`](Self::sift).
     pub(super) fn pick<R: Raw>(
         &self,
-        raw: R,
+        (raw, bytes): (R, &[u8]),
         index: u64,
         census: &mut Census,
     ) -> Result<Option<Point>> {
         let record = self.record(raw, index);
         census.read += 1;
-        match self.gate.judge(&record) {
+        match self.judge(raw, bytes, &record) {
             Verdict::Withheld => census.withheld += 1,
             Verdict::Filtered => census.filtered += 1,
             Verdict::Keep if self.claim.holds(raw.xyz()) => {

@@ -1,6 +1,7 @@
 //! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
 
 use super::columns::{Each, Reader, Table, readers};
+use super::condition::{Condition, Test};
 use super::filter::{Filter, Flags, Gate, Record, Verdict};
 use super::las::New;
 use super::{BATCH, Census, CloudInfo, Columns, PointSource, write};
@@ -57,15 +58,23 @@ pub fn crs() -> Crs {
 pub struct Synthetic {
     survey: Survey,
     gate: Gate,
+    test: Option<Test>,
     info: CloudInfo,
 }
 
 impl Synthetic {
     /// The points of `survey` that pass `filter`.
-    pub fn new(survey: Survey, filter: Filter) -> Self {
-        let gate = Gate::new(&filter, &frame(&survey));
+    ///
+    /// # Errors
+    /// A condition on an attribute that they do not have.
+    pub fn new(survey: Survey, filter: Filter) -> Result<Self> {
+        let frame = frame(&survey);
+        let gate = Gate::new(&filter, &frame);
+        let columns = write::columns(full()?, &[]);
+        let bind = |condition: &Condition| condition.bind(&columns, &frame);
+        let test = filter.condition.as_ref().map(bind).transpose()?;
         let info = info(&survey, &gate);
-        Self { survey, gate, info }
+        Ok(Self { survey, gate, test, info })
     }
 
     /// Whether a part may have points in the box asked for.
@@ -92,8 +101,17 @@ impl Synthetic {
         let mut echoes = Vec::new();
         self.survey.fill(part, &mut echoes);
         let mut census = Census { read: echoes.len() as u64, ..Census::default() };
+        let (format, mut bytes) = (full()?, Vec::new());
+        let mut meets = |test: &Test, echo: &Echo| {
+            bytes.clear();
+            format.encode(&[echo.into()], &mut bytes);
+            test.holds(echo.point, New::of(&bytes), &bytes)
+        };
         for (index, echo) in echoes.iter().enumerate() {
             match self.gate.judge(&self.record(echo, index)) {
+                Verdict::Keep if self.test.as_ref().is_some_and(|test| !meets(test, echo)) => {
+                    census.filtered += 1;
+                }
                 Verdict::Keep => {
                     census.kept += 1;
                     each(echo)?;
@@ -159,14 +177,16 @@ impl PointSource for Synthetic {
     }
 
     fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
-        let format = write::PointFormat::new(FULL)?;
+        let format = full()?;
         let readers = readers(names, &write::columns(format, &[]))?;
         Ok(Box::new(Told { cloud: self, format, readers }))
     }
 }
 
 /// The point format with all that echoes have.
-const FULL: u8 = 8;
+fn full() -> Result<write::PointFormat> {
+    write::PointFormat::new(8)
+}
 
 /// The same with attributes: those of the records that files of them would have.
 struct Told<'a> {

@@ -26,11 +26,11 @@ impl Triangulation {
     }
 
     /// The same for a finer position, one on a side being in the east of it (in the north, along x), as for
-    /// [`Finder`](super::Finder).
-    pub fn find_at(&self, at: Position, from: u32) -> Option<u32> {
+    /// [`Finder`](super::Finder); with `back` in the west (in the south).
+    pub fn find_at(&self, at: Position, from: u32, back: bool) -> Option<u32> {
         let low = Position::of(self.ordered.low);
         let at = Position { x: at.x - low.x, y: at.y - low.y };
-        self.walk(from, |[a, b]| !at.to(a).sees_left(at.to(b), false))
+        self.walk(from, |[a, b]| !at.to(a).sees_left(at.to(b), back))
     }
 
     /// From triangle to triangle, each time over a side that the goal is beyond; `None` outside the hull. Where not

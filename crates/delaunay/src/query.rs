@@ -73,6 +73,35 @@ impl<'a, S: Space> Finder<'a, S> {
         Ok(basis.result())
     }
 
+    /// The same, but for a position on the side of two triangles of which only the one behind is small:
+    /// that one. So what is made of small triangles alone has the sides of all of them.
+    ///
+    /// # Errors
+    /// Those of [`find`](Self::find).
+    pub fn find_small(
+        &mut self,
+        q: Position,
+        is_small: impl Fn(&[Point; 3]) -> bool,
+    ) -> Result<Found, Needs> {
+        let found = self.find(q)?;
+        match found {
+            Found::Triangle(corners) if !is_small(&corners) && is_on_side(&corners, q) => {
+                let behind = self.behind(q)?.filter(is_small);
+                Ok(behind.map_or(found, Found::Triangle))
+            }
+            _ => Ok(found),
+        }
+    }
+
+    /// The triangle that `q` lies in if it is moved backwards; `None` outside.
+    fn behind(&self, q: Position) -> Result<Option<[Point; 3]>, Needs> {
+        let start = self.hull.start(q, true).and_then(|start| Basis::around(q, start, true));
+        let Some(mut basis) = start else { return Ok(None) };
+        let disc = self.improve(&mut basis);
+        self.space.certify(&disc)?;
+        Ok(Some(from_lowest(basis.corners)))
+    }
+
     /// A triangle of known points around `q`.
     fn first(&self, q: Position) -> First {
         let (at, pitch) = (q.floor(), self.space.pitch());
@@ -250,6 +279,12 @@ impl Basis {
     }
 }
 
+/// Whether a position in a triangle is on one of its sides.
+fn is_on_side(corners: &[Point; 3], q: Position) -> bool {
+    let [a, b, c] = corners.map(|p| q.to(site(&p)));
+    [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| from.cross(to) == 0)
+}
+
 /// The same triangle, turned so that its lowest corner comes first.
 pub(super) fn from_lowest([a, b, c]: [Point; 3]) -> [Point; 3] {
     match a.min(b).min(c) {
@@ -321,6 +356,41 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Beside a look at every triangle: a position is covered by the small ones, their sides included.
+    #[test]
+    fn small_triangles_have_all_of_their_sides() {
+        let mut mended = 0;
+        for n in [4, 7, 20, 60] {
+            for (name, points) in oracle::awkward(n) {
+                let (bins, triangles) = (Bins::new(&points), oracle::triangles(&points));
+                let (space, hull) = (Loaded::whole(&bins), Hull::of(points.clone()));
+                let mut finder = Finder::new(&space, &hull);
+                // About half of the triangles, of no pattern.
+                let is_small = |t: &[Point; 3]| (t[0].x ^ t[1].y ^ t[2].x.wrapping_mul(3)) & 1 == 0;
+                let covers = |t: &[Point; 3], q: Position| {
+                    let [a, b, c] = t.map(|p| q.to(site(&p)));
+                    [(a, b), (b, c), (c, a)].into_iter().all(|(u, v)| u.cross(v) >= 0)
+                };
+                for q in positions(&points, &mut Dice(11)) {
+                    let usual = finder.find(q).unwrap();
+                    let found = finder.find_small(q, is_small).unwrap();
+                    if matches!(usual, Found::At(_)) {
+                        assert_eq!(found, usual, "{name} {n} {q:?}");
+                        continue;
+                    }
+                    let small = |t: &&[Point; 3]| is_small(t) && covers(t, q);
+                    let any = triangles.iter().any(|t| small(&t));
+                    match found {
+                        Found::Triangle(t) if is_small(&t) => assert!(any && covers(&t, q)),
+                        _ => assert!(!any, "{name} {n} {q:?}"),
+                    }
+                    mended += u32::from(found != usual);
+                }
+            }
+        }
+        assert!(mended > 10, "{mended}");
     }
 
     /// With only a part loaded, every answer is either right or a call for more that helps.

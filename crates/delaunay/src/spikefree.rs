@@ -101,11 +101,12 @@ impl SpikeFree {
 
     /// The corners of the triangle that holds a position, from the lowest (x, then y) on, and whether it is as
     /// small as those that freeze; `None` beyond the points, or near their border. The walk begins at the triangle
-    /// `last`, and leaves there the one it ends at: 0 for the first.
-    pub fn find(&self, at: Position, last: &mut u32) -> Option<([Point; 3], bool)> {
+    /// `last`, and leaves there the one it ends at: 0 for the first. Of a position on a side it is the one in the east
+    /// of it (in the north, along x), with `back` the other.
+    pub fn find(&self, at: Position, last: &mut u32, back: bool) -> Option<([Point; 3], bool)> {
         let low = Position::of(self.low);
         let at = Position { x: at.x - low.x, y: at.y - low.y };
-        *last = self.triangulation.find_at(at, *last)?;
+        *last = self.triangulation.find_at(at, *last, back)?;
         let corners = corners(&self.points, self.triangulation.corners(*last)?)?;
         let place = |p: Point| Point { x: p.x + self.low[0], y: p.y + self.low[1], ..p };
         Some((from_lowest(corners.map(place)), self.freeze.is_small(&corners)))

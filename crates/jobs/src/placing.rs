@@ -82,7 +82,7 @@ impl Placing {
             ("--keep-degrees", self.keep_degrees),
             ("--size", self.size.is_some()),
             ("--scale", self.scale.is_some()),
-            ("--exaggerate", self.exaggerate.is_some()),
+            ("--exaggeration", self.exaggerate.is_some()),
             ("--base", self.base.is_some()),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
@@ -169,7 +169,7 @@ impl Placing {
             return Ok(());
         };
         let rise = self.exaggerate.filter(|rise| axis == 2 && is_held(2, placed.scale[2] / rise));
-        let options = [("--exaggerate", rise), ("--size", self.size), ("--scale", self.scale)];
+        let options = [("--exaggeration", rise), ("--size", self.size), ("--scale", self.scale)];
         let given = options.into_iter().find(|(_, given)| given.is_some());
         let name = format.name;
         Err(match given {

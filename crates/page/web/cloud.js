@@ -35,7 +35,7 @@ async function start() {
   setSize(shown.size);
   resize();
   camera.reset();
-  new ResizeObserver(resize).observe(document.body);
+  whenResized(resize);
   $('wait').hidden = true;
   document.body.dataset.state = 'ready';
   requestAnimationFrame(frame);

@@ -98,6 +98,12 @@ function plane(canvas) {
   return [context, width, height];
 }
 
+/** Calls `resize` when the window or a canvas of the panel changes its size: one in a folded panel has none until it opens. */
+function whenResized(resize) {
+  const observer = new ResizeObserver(resize);
+  for (const one of [document.body, ...document.querySelectorAll('#panel canvas')]) observer.observe(one);
+}
+
 /** Round numbers between two others, about so many. */
 function ticks(low, high, about) {
   const rough = (high - low) / Math.max(1, about);

@@ -18,7 +18,7 @@ async function start() {
   fit();
   resize();
   choose(0, filter.thresholdFor(0, Math.round(facts.vertices * 0.1)));
-  new ResizeObserver(resize).observe(document.body);
+  whenResized(resize);
   $('wait').hidden = true;
   document.body.dataset.state = 'ready';
   requestAnimationFrame(frame);

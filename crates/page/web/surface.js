@@ -36,12 +36,11 @@ async function start() {
   const natural = Math.min(8, Math.max(1, Math.round((0.26 * drawing.radius) / (relief || 1)) / 2));
   shown.exaggeration = facts.exaggeration ?? natural;
   shown.wire = Boolean(facts.edges);
-  if (floats) shown.colour = 3;
   makeScale();
   setControls();
   resize();
   camera.reset();
-  new ResizeObserver(resize).observe(document.body);
+  whenResized(resize);
   $('wait').hidden = true;
   document.body.dataset.state = 'ready';
   requestAnimationFrame(frame);

@@ -35,7 +35,7 @@ async function start() {
   setControls();
   resize();
   camera.reset();
-  new ResizeObserver(resize).observe(document.body);
+  whenResized(resize);
   requestAnimationFrame(frame);
 }
 

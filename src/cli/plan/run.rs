@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::plan::{CloudTinRun, run_cloud_tin};
 use crate::jobs::grid::plan::{GridRun, run_grid};
-use crate::jobs::plan::{self, Kind, RunJob, kind};
+use crate::jobs::plan::{self, Kind, RunJob, Written, kind};
 use crate::jobs::tiles::run_tiles;
 use crate::jobs::tin::{Form, RunReport, TinReport, run_plan};
 use crate::jobs::translate::plan::{PointsRun, run_points};
@@ -160,7 +160,7 @@ fn cloud_summary(r: &CloudTinRun) -> String {
 }
 
 fn grid_summary(r: &GridRun) -> String {
-    let made = format!("{} points read", text::count(r.of.points));
+    let made = format!("{} points read by tiles", text::count(r.of.points));
     let mut rows = rows(r, made, None);
     if let (Some(path), None) = (&r.of.written, &r.of.grid) {
         rows.push(("grid", format!("{path}, written before")));
@@ -175,13 +175,16 @@ fn summary(r: &RunReport) -> String {
 }
 
 /// What a run of any plan did; `made` of what, and the time of its stages in threads.
-fn rows<R>(
+fn rows<R: Written>(
     r: &plan::RunReport<R>,
     made: String,
     stages: Option<String>,
 ) -> Vec<(&'static str, String)> {
-    let (found, tasks) = (text::count(r.found), text::count(r.tasks));
-    let all = match r.found {
+    // The task that writes the result counts, too, as it does in what is to do.
+    let is_there = r.of.written().is_some() && !r.finished;
+    let done = r.found + u64::from(is_there);
+    let (found, tasks) = (text::count(done), text::count(r.tasks));
+    let all = match done {
         0 => "none".to_owned(),
         _ => format!("{found} of {tasks}, {} checked", text::bytes(r.found_bytes)),
     };
@@ -190,8 +193,9 @@ fn rows<R>(
         rows.push(("damaged", format!("{}; made anew", r.damaged.join(", "))));
     }
     rows.extend(status::skipped(&r.skipped));
-    if !r.made.is_empty() {
-        let (tasks, bytes) = (text::count(r.made.len() as u64), text::bytes(r.made_bytes));
+    let count = r.made.len() as u64 + u64::from(r.finished);
+    if count > 0 {
+        let (tasks, bytes) = (text::count(count), text::bytes(r.made_bytes));
         rows.push(("made", format!("{tasks} tasks, {made}, {bytes}")));
         rows.extend(stages.map(|stages| ("in threads", stages)));
     }

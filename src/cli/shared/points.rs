@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::cli::shared::{parse, text};
-use crate::cloud::{Census, Filter, Flags, OpenOptions, PointFormat, Polygon, Return};
+use crate::cloud::{Census, Condition, Filter, Flags, OpenOptions, PointFormat, Polygon, Return};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::geom::wkt;
@@ -37,6 +37,11 @@ pub(crate) struct Points {
     /// Only points at these heights, the ends included
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = parse_range)]
     z_range: Option<[f64; 2]>,
+    /// Only points of which this is true, such as "intensity > 100 and point_source in (3, 7)": = != < <= > >= and in, and
+    /// or not, + - * / and parentheses, of numbers, attributes as of terrane grid --stat, extra bytes (in double quotes
+    /// where their names have spaces), x, y and z. A missing value is neither equal nor unequal to any
+    #[arg(long = "where", value_name = "CONDITION", allow_hyphen_values = true)]
+    condition: Option<Condition>,
     /// Only every N-th point of each file
     #[arg(long, value_name = "N")]
     every: Option<NonZeroU32>,
@@ -63,6 +68,7 @@ impl Points {
             bounds: self.bounds,
             polygon: polygon.map(Arc::new),
             z_range: self.z_range,
+            condition: self.condition.clone(),
             every: self.every,
         };
         let (salvage, threads) = (self.salvage, resources.threads);
@@ -85,6 +91,7 @@ impl Points {
             ("--bounds", self.bounds.is_some()),
             ("--polygon", self.polygon.is_some()),
             ("--z-range", self.z_range.is_some()),
+            ("--where", self.condition.is_some()),
             ("--every", self.every.is_some()),
             ("--crs", self.crs.is_some()),
             ("--salvage", self.salvage),

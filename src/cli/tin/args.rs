@@ -102,7 +102,7 @@ pub(crate) struct PrintArgs {
     #[arg(long, value_name = "SCALE", value_parser = parse::scale, conflicts_with = "keep_degrees")]
     scale: Option<f64>,
     /// Make heights so many times higher
-    #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
+    #[arg(long = "exaggeration", alias = "exaggerate", value_name = "FACTOR", value_parser = parse::positive)]
     exaggerate: Option<f64>,
     /// For STL and 3MF: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
     #[arg(long, value_name = "LENGTH", value_parser = parse::print_length)]

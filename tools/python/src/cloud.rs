@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use terrane::{Filter, Flags, GridBuilder, Marks, Preset, Return};
+use terrane::{Error, Filter, Flags, GridBuilder, Marks, Preset, Return};
 
 use crate::error::told;
 use crate::grid::{System, crs_of, inputs};
@@ -29,6 +29,7 @@ struct Wanted {
     keep_withheld: bool,
     bounds: Option<[f64; 4]>,
     z_range: Option<[f64; 2]>,
+    r#where: Option<String>,
     every: Option<NonZeroU32>,
     salvage: bool,
 }
@@ -36,12 +37,15 @@ struct Wanted {
 impl Wanted {
     fn of(self, mut cloud: terrane::Cloud) -> terrane::Result<terrane::Cloud> {
         let returns = self.returns.as_deref().map(return_of).transpose()?;
+        let condition = self.r#where.as_deref().map(str::parse).transpose();
+        let condition = condition.map_err(|how| Error::usage(format!("where: {how}")))?;
         let filter = Filter {
             classes: self.classes,
             returns,
             keep_withheld: self.keep_withheld,
             bounds: self.bounds,
             z_range: self.z_range,
+            condition,
             every: self.every,
             ..Filter::default()
         };
@@ -67,7 +71,7 @@ fn return_of(name: &str) -> terrane::Result<Return> {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Asked {
-    cell: f64,
+    cell: Option<f64>,
     stats: Option<String>,
     model: Option<String>,
     bounds: Option<[f64; 4]>,

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use terrane::{
-    Above, BufferMark, Error, HeightsAs, LasVersion, PointFormat, PointsBuilder, Result, Squares,
+    Above, BufferMark, Error, HeightsAs, LasVersion, PointFormat, PointsBuilder, Result, Split,
+    Squares,
 };
 
 use crate::error::told;
@@ -25,6 +26,7 @@ pub(crate) struct Points {
     classify: Vec<String>,
     ground: Option<String>,
     tile: Option<f64>,
+    split: Option<String>,
     buffer: f64,
     buffer_mark: String,
 }
@@ -70,7 +72,7 @@ impl Points {
     }
 }
 
-/// Writes them: one file, or a folder of squares.
+/// Writes them: one file, or a folder of squares or of values.
 pub(crate) fn write<'py>(
     py: Python<'py>,
     cloud: &terrane::Cloud,
@@ -81,9 +83,13 @@ pub(crate) fn write<'py>(
     let make = |machine: &Machine| {
         let builder = with_machine!(asked.of(cloud)?, machine).overwrite(overwrite);
         let builder = with_system!(builder, system);
-        match asked.squares()? {
-            Some(squares) => builder.write_squares(squares, path),
-            None => builder.write(path),
+        match (asked.squares()?, &asked.split) {
+            (Some(squares), _) => builder.write_squares(squares, path),
+            (None, Some(attribute)) => {
+                let split = Split { attribute: attribute.clone(), is_plain: false };
+                builder.write_split(split, path)
+            }
+            (None, None) => builder.write(path),
         }
     };
     let report = run(py, settings, make)?;
@@ -97,6 +103,10 @@ pub(crate) fn plan(
     (folder, asked, cut): (PathBuf, &Points, Option<u32>),
     settings: Settings,
 ) -> PyResult<Plan> {
+    if asked.split.is_some() {
+        let refused = Error::usage("split is not supported by plans of points");
+        return told(py, Err(refused.remedy("call points(..., split=...) on the squares")));
+    }
     let none = || Error::usage("a plan makes squares").remedy("pass tile=SIDE");
     let squares = told(py, asked.squares().and_then(|squares| squares.ok_or_else(none)))?;
     let make = |machine: &Machine| {

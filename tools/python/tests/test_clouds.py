@@ -71,6 +71,10 @@ def test_orders_and_types_of_arrays(points: NDArray[np.float64]) -> None:
         ({"classes": [2]}, lambda n: (n % 7 != 0) & (n % 4 == 2)),
         ({"returns": "first"}, lambda n: (n % 7 != 0) & (n % 2 == 0)),
         ({"returns": 2}, lambda n: (n % 7 != 0) & (n % 2 == 1)),
+        (
+            {"where": "class in (1, 2) and ReturnNumber < 2"},
+            lambda n: (n % 7 != 0) & np.isin(n % 4, (1, 2)) & (n % 2 == 0),
+        ),
     ],
     ids=str,
 )
@@ -193,3 +197,25 @@ def test_points_are_refused_by_name(points: NDArray[np.float64], tmp_path: Path)
         terrane.points(f"cloud:{file}", tmp_path / "a.laz", classify="grond")
     with pytest.raises(terrane.Error, match="by rule"):
         terrane.points("synth:cloud,size=20", tmp_path / "a.laz")
+
+
+def test_points_are_split_by_attributes(tmp_path: Path, las: str, points: NDArray[np.float64]) -> None:
+    told = terrane.points(las, tmp_path / "parts", split="class")
+    files = sorted(path.name for path in (tmp_path / "parts").iterdir())
+    assert files == [f"classification_{number}.laz" for number in range(4)]
+    assert (told["files"], told["points"]) == (4, len(points))
+    terrane.points(las, tmp_path / "one.laz", where="class = 2")
+    part = (tmp_path / "parts" / "classification_2.laz").read_bytes()
+    assert part == (tmp_path / "one.laz").read_bytes()
+    with pytest.raises(ValueError, match="no attribute"):
+        terrane.points(las, tmp_path / "none.laz", where="amplitude > 1")
+    with pytest.raises(ValueError, match="compares nothing"):
+        terrane.points(las, tmp_path / "none.laz", where="intensity")
+    with pytest.raises(ValueError, match="pass one of them"):
+        terrane.points(las, tmp_path / "none", split="class", tile=10.0)
+
+
+def test_models_choose_their_cells() -> None:
+    chosen = terrane.dtm("synth:cloud,size=60,density=2,seed=5", cell=None)
+    assert chosen.transform[0] == 1.0
+    assert any("about the distance between points" in note for note in chosen.report["notes"])

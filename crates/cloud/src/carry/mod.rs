@@ -223,20 +223,24 @@ impl<'a> Carrier<'a> {
 impl Cloud {
     /// What is known of its files.
     pub(crate) fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
-        self.files().iter().zip(self.kinds()).map(|(name, file)| match file {
-            File::Las(file) => Origin::of(name, file).map_err(|e| e.in_file(&file.path)),
-            File::Text(file) => Ok(Origin {
+        self.files().iter().zip(self.kinds()).map(|(name, file)| Origin::new(name, file))
+    }
+}
+
+impl<'a> Origin<'a> {
+    pub(crate) fn new(name: &'a str, file: &'a File) -> Result<Self> {
+        match file {
+            File::Las(file) => Self::of(name, file).map_err(|e| e.in_file(&file.path)),
+            File::Text(file) => Ok(Self {
                 name,
                 las: None,
                 text: Some(file),
                 format: file.format(),
                 extra: Extra::default(),
             }),
-        })
+        }
     }
-}
 
-impl<'a> Origin<'a> {
     fn of(name: &'a str, file: &'a LasFile) -> Result<Self> {
         let format = PointFormat::new(file.header.format)?;
         let extra = file.extra.clone();

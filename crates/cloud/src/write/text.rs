@@ -161,6 +161,26 @@ impl Column {
         }
     }
 
+    /// The decimals that its values are steps of, where they are whole numbers that are scaled.
+    pub fn ruler(&self) -> Option<Ruler> {
+        let is_whole = matches!(self.value, Value::Signed(_) | Value::Unsigned(1..8));
+        let is_ruler = |[scale, offset]: &[f64; 2]| {
+            *scale > 0.0 && scale.is_finite() && offset.is_finite() && is_whole
+        };
+        self.scale.filter(is_ruler).map(|[scale, offset]| Ruler::new(scale, offset))
+    }
+
+    /// The value in a record as a step of its [`ruler`](Self::ruler); NaN where it stands for none.
+    pub fn decimal(&self, record: &[u8], ruler: &Ruler) -> f64 {
+        let bytes = &record[self.at..];
+        let step = match self.value {
+            Value::Signed(count) => signed(bytes, count),
+            Value::Unsigned(count) => word(bytes, count).cast_signed(),
+            _ => return self.number(record),
+        };
+        if self.none == Some(step as f64) { f64::NAN } else { ruler.at(step) }
+    }
+
     fn scaled(&self, stored: f64) -> f64 {
         let [scale, offset] = self.scale.unwrap_or([1.0, 0.0]);
         stored * scale + offset

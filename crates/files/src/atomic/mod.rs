@@ -1,20 +1,21 @@
-//! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed. A
-//! link is written through: its target is replaced, the link stays.
+//! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed. Where
+//! the system has files without a name, it has none until then, so a run that is killed leaves nothing.
+//! A link is written through: its target is replaced, the link stays.
 
 mod folder;
 mod sidecar;
+mod temporary;
 
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-
-use tempfile::NamedTempFile;
 
 use crate::fault::{self, Point};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 pub use folder::AtomicFolder;
 pub use sidecar::Sidecar;
+use temporary::Temporary;
 
 /// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
 const TEMP_PREFIX: &str = ".terrane-";
@@ -31,7 +32,7 @@ pub fn is_stdout(path: &Path) -> bool {
 /// An output file in the making. Dropping it removes the temporary file.
 #[derive(Debug)]
 pub struct AtomicFile {
-    temp: NamedTempFile,
+    temp: Temporary,
     path: PathBuf,
     /// Where `path` leads.
     target: PathBuf,
@@ -47,7 +48,7 @@ impl AtomicFile {
         let target = resolve(path)?;
         let folder = parent(&target);
         remove_leftovers(folder);
-        let temp = fault::point(Point::Create).and_then(|()| temporary(folder));
+        let temp = fault::point(Point::Create).and_then(|()| Temporary::new(folder));
         let temp = temp.map_err(|e| Error::write(path, plain(e)))?;
         Ok(Self { temp, path: path.to_path_buf(), target, overwrite })
     }
@@ -59,19 +60,17 @@ impl AtomicFile {
 
     /// The open temporary file.
     pub fn file(&self) -> &File {
-        self.temp.as_file()
+        self.temp.file()
     }
 
     /// Syncs the file and renames it to its final name; returns its size in bytes.
     pub fn commit(self) -> Result<u64> {
         let Self { temp, path, target, overwrite } = self;
         let fail = |e: io::Error| Error::write(&path, e);
-        fault::point(Point::Sync).and_then(|()| temp.as_file().sync_all()).map_err(fail)?;
-        let bytes = temp.as_file().metadata().map_err(fail)?.len();
+        fault::point(Point::Sync).and_then(|()| temp.file().sync_all()).map_err(fail)?;
+        let bytes = temp.file().metadata().map_err(fail)?.len();
         fault::point(Point::Rename).map_err(fail)?;
-        let persisted =
-            if overwrite { temp.persist(&target) } else { temp.persist_noclobber(&target) };
-        persisted.map_err(|e| fail(e.error))?;
+        temp.persist(&target, overwrite).map_err(fail)?;
         sync_folder(parent(&target));
         Ok(bytes)
     }
@@ -81,23 +80,23 @@ impl AtomicFile {
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         fault::point(Point::Write)?;
-        self.temp.as_file_mut().write(bytes)
+        self.temp.file().write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.temp.as_file_mut().flush()
+        self.temp.file().flush()
     }
 }
 
 impl Read for AtomicFile {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        self.temp.as_file_mut().read(bytes)
+        self.temp.file().read(bytes)
     }
 }
 
 impl Seek for AtomicFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.temp.as_file_mut().seek(to)
+        self.temp.file().seek(to)
     }
 }
 
@@ -169,26 +168,6 @@ fn parent(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
-    }
-}
-
-/// A temporary file in `folder`, locked as long as it is open, with the permissions of any new
-/// file.
-fn temporary(folder: &Path) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(TEMP_PREFIX).suffix(TEMP_SUFFIX);
-    #[cfg(unix)]
-    let anyone = std::os::unix::fs::PermissionsExt::from_mode(0o666);
-    #[cfg(unix)]
-    builder.permissions(anyone);
-    loop {
-        let temp = builder.tempfile_in(folder)?;
-        // A file system without locks has no leftovers removed either.
-        let is_taken = matches!(temp.as_file().try_lock(), Err(TryLockError::WouldBlock));
-        // Another run may have taken the file for a leftover before it was locked.
-        if !is_taken && temp.path().exists() {
-            return Ok(temp);
-        }
     }
 }
 
@@ -296,8 +275,6 @@ mod tests {
             let mut file = AtomicFile::create(&at(link), true).unwrap();
             file.write_all(link.as_bytes()).unwrap();
             assert_eq!(file.path(), at(link));
-            let temp = file.temp.path().parent().unwrap().canonicalize().unwrap();
-            assert_eq!(temp, at("there").canonicalize().unwrap(), "beside the target");
             file.commit().unwrap();
             assert!(at(link).symlink_metadata().unwrap().is_symlink());
             assert_eq!(std::fs::read(at(target)).unwrap(), link.as_bytes());
@@ -323,10 +300,7 @@ mod tests {
         let orphan = folder.path().join(".terrane-4294967294-abc.tmp");
         std::fs::write(&orphan, b"left by a killed run").unwrap();
         let path = folder.path().join("out.bin");
-        let running = AtomicFile::create(&folder.path().join("other.bin"), false).unwrap();
         drop(AtomicFile::create(&path, false).unwrap());
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the running one stays");
-        drop(running);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -31,7 +31,7 @@ pub(crate) use preset::GROUND;
 pub use preset::{GroundFrom, Preset};
 pub use report::{BandReport, GridReport, GridStage};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as cloud, OpenOptions, PointSource};
+use terrane_cloud::{self as cloud, Filter, OpenOptions, PointSource};
 use terrane_files::folder_for;
 pub use terrane_gridding::Canopy;
 use terrane_gridding::{self as gridding, Asked, Recipe, Rules};
@@ -214,6 +214,21 @@ impl GridJob {
         folder_for(&self.output, self.resources.temp_dir.as_deref())
     }
 
+    /// The same with the size of its cells: of a model of the terrain, where none is given, one that follows
+    /// from the density of all points of the cloud, whatever the filter.
+    ///
+    /// # Errors
+    /// Those of opening the cloud; points whose density is not known.
+    pub fn settled(&self) -> Result<Self> {
+        let mut job = self.clone();
+        if job.preset.is_some() && job.placement.cell.is_none() && job.placement.like.is_none() {
+            let all = OpenOptions { filter: Filter::default(), ..self.cloud.clone() };
+            let side = extent::usual_cell(cloud::source(&self.input, &all)?.info())?;
+            (job.placement.cell, job.placement.is_chosen) = (Some([side; 2]), true);
+        }
+        Ok(job)
+    }
+
     /// Fails when something is asked for that acts on none of the bands.
     fn check_idle(&self) -> Result<()> {
         let lack = |key| self.stats.iter().any(|asked| asked.statistic.lacks(key));
@@ -254,7 +269,7 @@ impl GridJob {
             return Err(Error::usage("--water is for models of the ground")
                 .remedy("leave it out, or pass --dtm"));
         }
-        self.placement.check(self.compat)?;
+        self.placement.check(self.compat, self.preset.is_some())?;
         self.check_idle()?;
         terrane_files::atomic::refuse_existing(&self.output, self.overwrite)
     }
@@ -270,6 +285,7 @@ const PLAIN: &str = "GTiff";
 /// counted.
 pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridReport> {
     job.check()?;
+    let job = &job.settled()?;
     if let Some(water) = &job.water {
         return level::run(job, water, progress, cancel);
     }

@@ -32,6 +32,10 @@ pub struct GridReport {
     pub radius: Option<f64>,
     /// What became of the points.
     pub points: Census,
+    /// Of a plan: points that the cloud has, by its headers; `points` counts them for each tile that
+    /// reads them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cloud_points: Option<u64>,
     /// Points kept that lie in no cell of the grid.
     pub outside_grid: u64,
     pub bands: Vec<BandReport>,

@@ -70,7 +70,7 @@ impl<W: Work> Folder<W> {
     pub(super) fn tell(&self, task: Named<W::Task>) -> TaskReport {
         let after = match task {
             Named::Task(task) => self.before(task),
-            Named::Finish => Vec::new(),
+            Named::Finish => self.tasks(),
         };
         let after = after.iter().map(W::Task::to_string).collect();
         TaskReport { id: task.to_string(), after, work: self.plan.work.size(task) }

@@ -14,7 +14,7 @@ use terrane_base::error::Result;
 pub struct TaskReport {
     /// Its name.
     pub id: String,
-    /// The tasks it waits for; "finish" waits for all others and names none.
+    /// The tasks it waits for: "finish" for all others.
     pub after: Vec<String>,
     /// Samples it works on, or cells it computes.
     pub work: u64,
@@ -144,6 +144,8 @@ pub struct RunReport<R> {
     /// Tasks done by this run.
     pub made: Vec<String>,
     pub made_bytes: u64,
+    /// Whether this run did the last task, which writes the result.
+    pub finished: bool,
     pub spilled_bytes: u64,
     pub peak_memory: Option<u64>,
     pub wall_seconds: f64,

@@ -351,7 +351,9 @@ impl<'a, W: Work> Run<'a, W> {
         W::check_output(&self.opened, self.at)?;
         self.output.begin()?;
         let note = W::write(&self.opened, survey, &mut self.report.of, self.at)?;
-        self.output.finish(&note, self.at.cancel)
+        self.output.finish(&note, self.at.cancel)?;
+        self.report.finished = true;
+        Ok(())
     }
 
     /// Ends with the result, which may be there already.

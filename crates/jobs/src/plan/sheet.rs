@@ -168,9 +168,12 @@ impl<W: Work> Plan<W> {
         (plan.maker.kind == W::KIND).then_some(plan)
     }
 
-    /// The digest that stands for it.
+    /// The digest that stands for it. Times that were measured differ from run to run, so they are left
+    /// out: plans of one request have one digest.
     fn id(&self) -> Digest {
-        Digest::of(&serde_json::to_vec(self).unwrap_or_default())
+        let needs = Needs { seconds: [0.0; 2], ..self.needs.clone() };
+        let timeless = Self { needs, ..self.clone() };
+        Digest::of(&serde_json::to_vec(&timeless).unwrap_or_default())
     }
 
     /// The text of its file.
@@ -242,6 +245,7 @@ impl<W: Work> Plan<W> {
     /// What was left out is no such thing: the work is of what is left.
     fn changes(&self, there: Self) -> Option<String> {
         let mut here = Self { skipped: there.skipped.clone(), ..self.clone() };
+        here.needs.seconds = there.needs.seconds;
         let files = there.files.iter().zip(&mut here.files);
         files.for_each(|(there, here)| here.forgive_time(there));
         difference(&there, &here)

@@ -37,13 +37,24 @@ impl<'a> Around<'a> {
         &mut self,
         hull: &Hull,
         positions: impl Iterator<Item = Position>,
+        each: impl FnMut(Position, Found),
+    ) -> Result<()> {
+        self.find_all_small(hull, positions, |_| true, each)
+    }
+
+    /// The same, where only triangles count that are small: on the side of two, the one that is.
+    pub(crate) fn find_all_small(
+        &mut self,
+        hull: &Hull,
+        positions: impl Iterator<Item = Position>,
+        is_small: impl Fn(&[Point; 3]) -> bool,
         mut each: impl FnMut(Position, Found),
     ) -> Result<()> {
         let mut left = positions.peekable();
         while left.peek().is_some() {
             let mut finder = Finder::new(&*self, hull);
             while let Some(&position) = left.peek() {
-                let Ok(found) = finder.find(position) else { break };
+                let Ok(found) = finder.find_small(position, &is_small) else { break };
                 if let Some(limits) = &self.store.limits {
                     limits.note_position(hull, position);
                 }
@@ -76,7 +87,7 @@ impl<'a> Around<'a> {
             let mut finder = Finder::new(&known, hull);
             while let Some(&position) = left.peek() {
                 let found = match self.is_near(position, reach) {
-                    true => finder.find(position).unwrap_or(Found::Outside),
+                    true => finder.find_small(position, &is_small).unwrap_or(Found::Outside),
                     false => Found::Outside,
                 };
                 if let Found::Triangle(corners) = &found
@@ -314,7 +325,8 @@ mod tests {
             let is = |corners: &[Point; 3]| is_small(&Found::Triangle(*corners));
             around
                 .find_small(&hull, positions, reach, is, |position, found| {
-                    let expected = whole.find(position).unwrap();
+                    let is = |corners: &[Point; 3]| is_small(&Found::Triangle(*corners));
+                    let expected = whole.find_small(position, is).unwrap();
                     assert_eq!(is_small(&found), is_small(&expected), "{position:?}");
                     if is_small(&expected) {
                         assert_eq!(found, expected);

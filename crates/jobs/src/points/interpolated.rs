@@ -112,10 +112,11 @@ impl Surface<'_> {
                 let each = |position: Position, found: Found| {
                     out[place()] = self.height(position, found, max_edge);
                 };
+                let is_short =
+                    |corners: &[Point; 3]| max_edge.is_none_or(|most| self.is_short(corners, most));
                 match max_edge.filter(|_| self.store.limits.is_some()) {
-                    None => around.find_all(self.hull, positions, each),
+                    None => around.find_all_small(self.hull, positions, is_short, each),
                     Some(most) => {
-                        let is_short = |corners: &[Point; 3]| self.is_short(corners, most);
                         around.find_small(self.hull, positions, self.reach(most), is_short, each)
                     }
                 }

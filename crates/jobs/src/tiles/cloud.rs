@@ -12,7 +12,7 @@ use crate::plan::DiskCheck;
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as cloud, CloudInfo, OpenOptions};
+use terrane_cloud::{self as cloud, OpenOptions};
 use terrane_files::atomic::refuse_existing;
 use terrane_files::{folder_for, name_of, path_of};
 use terrane_raster::Inputs;
@@ -23,8 +23,6 @@ const FORMAT: &str = "store";
 const PARTS: [&str; 2] = ["model", "tiles"];
 /// The file of a model.
 const MODEL: &str = "model.tif";
-/// Sides of cells are one of these, times a power of ten.
-const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 
 /// The model of the ground of a cloud.
 #[derive(Clone, Debug)]
@@ -161,23 +159,20 @@ impl GroundModel {
             [name] => error.in_file(&path_of(name)),
             _ => error,
         };
-        let source = cloud::source(&self.input, &self.cloud)?;
-        let info = source.info();
-        if info.crs.is_unknown() {
+        if cloud::source(&self.input, &self.cloud)?.info().crs.is_unknown() {
             let error = Error::bad_input("does not say where on the globe it lies");
             return Err(of_cloud(error.remedy("name its reference system: --crs EPSG:2154")));
         }
-        let cell = self.cell.map_or_else(|| usual_cell(info).map(|side| [side; 2]), Ok);
-        let cell = cell.map_err(of_cloud)?;
         let model = GridJob::of_preset(self.input.clone(), PathBuf::new(), Preset::Dtm, 1.0);
-        Ok(GridJob {
+        let model = GridJob {
             cloud: self.cloud.clone(),
             format: Some(FORMAT.to_owned()),
             ground: self.ground,
-            placement: Placement::new(cell),
+            placement: Placement { cell: self.cell, ..Placement::default() },
             resources: resources.clone(),
             ..model
-        })
+        };
+        model.settled().map_err(of_cloud)
     }
 }
 
@@ -188,45 +183,5 @@ impl Made {
             Some(path) if path == self.path => error.renamed(Path::new(&self.inputs.to_string())),
             _ => error,
         }
-    }
-}
-
-/// The side of a cell, where none is asked for: what one point has of the area of all, as the headers have both,
-/// rounded up.
-fn usual_cell(info: &CloudInfo) -> Result<f64> {
-    let unknown = || {
-        Error::usage("it cannot be told how far apart the points are")
-            .remedy("pass --cell, the side of a cell of the model")
-    };
-    let [low, high] = info.bounds.ok_or_else(unknown)?.map(|end| info.frame.world(end));
-    let area = (high[0] - low[0]) * (high[1] - low[1]);
-    let apart = (area / info.count as f64).sqrt();
-    if !apart.is_normal() {
-        return Err(unknown());
-    }
-    let power = 10_f64.powf(apart.log10().floor());
-    let side = ROUND.into_iter().map(|step| step * power).find(|side| *side >= apart);
-    side.ok_or_else(unknown)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use terrane_base::geom::{Frame, Point};
-
-    #[test]
-    fn cells_are_as_wide_as_points_are_apart() {
-        let cell = |count: u64, [width, height]: [i32; 2]| {
-            let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
-            let bounds = [[0, 0, 0], [width, height, 7]].map(|[x, y, z]| Point { x, y, z });
-            let info = CloudInfo { frame, bounds: Some(bounds), count, crs: Default::default() };
-            usual_cell(&info).ok()
-        };
-        assert_eq!(cell(10_000, [10_000, 10_000]), Some(1.0));
-        assert_eq!(cell(9_999, [10_000, 10_000]), Some(2.0));
-        assert_eq!(cell(80_000, [10_000, 10_000]), Some(0.5));
-        assert_eq!(cell(400, [10_000, 10_000]), Some(5.0));
-        assert_eq!(cell(0, [10_000, 10_000]), None);
-        assert_eq!(cell(5, [0, 10_000]), None);
     }
 }

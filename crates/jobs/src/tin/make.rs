@@ -247,6 +247,7 @@ impl Maker<'_> {
         header.unit.clone_from(&self.opened.placed.unit);
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
         let solid_base = self.solid_base(&mut header)?;
+        let bottom = solid_base.filter(|_| job.placing.base.is_some()).map(bottom_note);
         let options = SinkOptions {
             overwrite: job.overwrite,
             solid_base,
@@ -267,7 +268,9 @@ impl Maker<'_> {
             None => write_prj(&job.output, &self.opened.frame.crs, job.overwrite)?,
             Some(_) => None,
         };
-        self.report(tolerance, trials, outcome, prj)
+        let mut report = self.report(tolerance, trials, outcome, prj)?;
+        report.notes.extend(bottom);
+        Ok(report)
     }
 
     /// The height of a solid's bottom, if it is to be one, by the lowest of all heights, which goes into
@@ -515,6 +518,14 @@ impl Frame {
         header.origin = origin(self.bounds, height);
         header.comments.push(format!("{TRANSFORMED} {}", operation.source().label()));
     }
+}
+
+/// What is told of a bottom that was found by the lowest height of this grid.
+fn bottom_note(height: f64) -> String {
+    format!(
+        "--base counts from the lowest height of each print, so the bottom is at {height} here; for prints that meet, \
+         pass one height below all of them to each, with --co SOLID_BASE=HEIGHT in place of --base"
+    )
 }
 
 /// The centre, rounded to a multiple of a power of two that is small against the extent: few

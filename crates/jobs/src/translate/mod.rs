@@ -1,4 +1,4 @@
-//! Clouds into files of points: filtered, thinned and merged; one file, or one for each square.
+//! Clouds into files of points: filtered, thinned and merged; one file, or one for each square or value.
 //!
 //! ```text
 //! files, sorted ── parts ── records of one format ──[single]──[noise]──[what the ground tells]──[attributes set] ─┐
@@ -21,6 +21,7 @@ mod portion;
 mod prepared;
 mod shares;
 mod sorted;
+mod split;
 mod squares;
 mod thin;
 mod wide;
@@ -52,6 +53,8 @@ use prepared::{Prepared, least, record_bytes, stored};
 use shares::Shares;
 use sorted::Sorted;
 pub use sorted::{SORTS, Sort};
+pub use split::Split;
+use split::Values;
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Apart;
@@ -96,6 +99,8 @@ pub struct TranslateJob {
     pub sort: Option<Sort>,
     /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
     pub squares: Option<(Squares, bool)>,
+    /// A folder of a file for each value of an attribute, rather than one file.
+    pub split: Option<Split>,
     /// Replace an existing output.
     pub overwrite: bool,
     /// What the job may use.
@@ -120,6 +125,7 @@ impl TranslateJob {
             transform: None,
             sort: None,
             squares: None,
+            split: None,
             overwrite: false,
             resources: Resources::default(),
         }
@@ -169,7 +175,7 @@ pub fn run(
     refuse_existing(&job.output, job.overwrite)?;
     job.packing()?;
     let cloud = job.open()?;
-    if job.squares.is_some() {
+    if job.squares.is_some() || job.split.is_some() {
         squares::refuse_within(cloud.files(), &job.output)?;
     }
     prepared(job, &cloud, None, at, |prepared| prepared.report(start))
@@ -188,6 +194,8 @@ fn prepared<T: Send>(
     let told = job.above.info(carrier.info());
     let columns = carrier.columns();
     let assigning = Assigning::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
+    let values = |split: &Split| Values::new(split, (carrier.format(), &columns));
+    let values = job.split.as_ref().map(values).transpose()?;
     let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window))
         .with(portion.and_then(Portion::noise).map(|noise| &noise.own));
     let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
@@ -202,6 +210,7 @@ fn prepared<T: Send>(
         input: cloud,
         cloud: cloud.info(),
         assigning: &assigning,
+        values: values.as_ref(),
         told: &told,
         info,
         moved: moved.as_ref(),
@@ -248,7 +257,7 @@ impl TranslateJob {
         let is_wide = is_part && self.dedupe && self.above.is_asked();
         let wide = if is_wide { needed(info.count) } else { 0 };
         let choices = self.choices() * needed(points) + wide;
-        let is_spread = packing == Packing::Nodes || self.squares.is_some();
+        let is_spread = packing == Packing::Nodes || self.squares.is_some() || self.split.is_some();
         let spread = if is_spread { SPREAD } else { 0 };
         let sort = self.sort.map_or(0, |_| sorted::LEAST);
         let [discs, each_disc] = self.distance.map_or([0; 2], |_| discs::needed(info.count));
@@ -311,9 +320,10 @@ impl TranslateJob {
 
     /// How its files are packed.
     fn packing(&self) -> Result<Packing> {
-        match &self.squares {
-            Some((_, plain)) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
-            None => packing(&self.output),
+        match (&self.squares, &self.split) {
+            (Some((_, plain)), _) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
+            (None, Some(split)) => Ok(split.packing()),
+            (None, None) => packing(&self.output),
         }
     }
 }
@@ -335,6 +345,8 @@ struct Work<'a> {
     /// What is known before points are moved.
     told: &'a CloudInfo,
     assigning: &'a Assigning,
+    /// What records are divided by.
+    values: Option<&'a Values>,
     /// What is written.
     info: &'a CloudInfo,
     moved: Option<&'a Move>,
@@ -473,6 +485,9 @@ impl Work<'_> {
     }
 
     fn write(&self, records: &dyn Records) -> Result<Made> {
+        if let Some(values) = self.values {
+            return self.split(values, records);
+        }
         match (&self.job.squares, self.options.packing) {
             (Some((squares, _)), _) => self.divide(*squares, records),
             (None, Packing::Nodes) => self.octree(records),
@@ -538,6 +553,16 @@ impl Work<'_> {
         let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, squares::is_ours)?;
         let spans = squares::spans(&squares, self.info)?;
         let made = self.files((squares, spans), records, folder.inside())?;
+        folder.commit()?;
+        Ok(made)
+    }
+
+    fn split(&self, values: &Values, records: &dyn Records) -> Result<Made> {
+        let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, split::is_ours)?;
+        let (flow, threads) = (self.shares.flow, self.shares.threads);
+        let waiting = (self.folder(), self.shares.marks / 2);
+        let into = (folder.inside(), &self.options);
+        let made = values.write(records, (flow, threads), into, waiting, self.at)?;
         folder.commit()?;
         Ok(made)
     }

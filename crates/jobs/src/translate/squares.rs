@@ -150,24 +150,10 @@ impl<'a> Division<'a> {
         })?;
         at.progress.end();
         let count = self.axes[0].reaches.len() * self.axes[1].reaches.len();
-        at.progress.begin("files", count as u64);
-        let mut made = Made::default();
-        let one = |(): &mut (), square: u64| {
-            let file = self.file(square as usize, flow.record, folder)?;
-            at.progress.advance(1);
-            Ok(file)
-        };
-        let add = |file: Option<[u64; 2]>| {
-            if let Some([points, bytes]) = file {
-                made.files += 1;
-                made.points += points;
-                made.bytes += bytes;
-            }
-            Ok(())
-        };
-        workers::in_order(threads, count as u64, at.cancel, || (), one, add)?;
-        at.progress.end();
-        Ok(made)
+        let ending = ending(self.options.packing);
+        let name = |square: usize| folder.join(format!("{}.{ending}", self.name(square)));
+        let all = Filled { buckets: &self.buckets, count, options: self.options };
+        all.write((flow.record, threads), name, at)
     }
 
     fn take(&self, record: &[u8], copy: &mut Vec<u8>) -> Result<()> {
@@ -195,32 +181,73 @@ impl<'a> Division<'a> {
         Ok(())
     }
 
-    /// The file of a square; its points and bytes where it has any.
-    fn file(&self, square: usize, record: usize, folder: &Path) -> Result<Option<[u64; 2]>> {
-        let all = self.buckets.len(square);
-        if all == 0 {
-            return Ok(None);
-        }
-        let mut writer = CloudWriter::create(&folder.join(self.name(square)), self.options)?;
-        let (layout, mut first) = (writer.layout(), 0);
-        while first < all {
-            let mut piece = vec![0; (all - first).min((CHUNK * record) as u64) as usize];
-            first += self.buckets.read_from(square, first, &mut piece)? as u64;
-            writer.append(&layout.pack(piece)?)?;
-        }
-        self.buckets.forget(square);
-        let points = writer.points();
-        Ok(Some([points, writer.finish()?]))
-    }
-
     /// By the lowest corner.
-    fn name(&self, square: usize) -> PathBuf {
+    fn name(&self, square: usize) -> String {
         let width = self.axes[0].reaches.len();
         let corner = [square % width, square / width];
         let side = self.squares.side;
         let [x, y] = [0, 1].map(|axis| times(self.axes[axis].first + corner[axis] as i64, side));
-        let ending = if self.options.packing == Packing::Plain { "las" } else { "laz" };
-        PathBuf::from(format!("{x}_{y}.{ending}"))
+        format!("{x}_{y}")
+    }
+}
+
+/// What files of a folder end with.
+pub(super) fn ending(packing: Packing) -> &'static str {
+    if packing == Packing::Plain { "las" } else { "laz" }
+}
+
+/// Records that are divided, each bucket to become a file.
+pub(super) struct Filled<'a> {
+    pub(super) buckets: &'a Buckets<u8>,
+    /// How many of the buckets may have records.
+    pub(super) count: usize,
+    pub(super) options: &'a WriteOptions,
+}
+
+impl Filled<'_> {
+    /// Writes a file for each bucket that has records, which have so many bytes.
+    pub(super) fn write(
+        &self,
+        (record, threads): (usize, usize),
+        name: impl Fn(usize) -> PathBuf + Sync,
+        at: At<'_>,
+    ) -> Result<Made> {
+        at.progress.begin("files", self.count as u64);
+        let mut made = Made::default();
+        let one = |(): &mut (), number: u64| {
+            let file = self.file(number as usize, record, &name(number as usize))?;
+            at.progress.advance(1);
+            Ok(file)
+        };
+        let add = |file: Option<[u64; 2]>| {
+            if let Some([points, bytes]) = file {
+                made.files += 1;
+                made.points += points;
+                made.bytes += bytes;
+            }
+            Ok(())
+        };
+        workers::in_order(threads, self.count as u64, at.cancel, || (), one, add)?;
+        at.progress.end();
+        Ok(made)
+    }
+
+    /// The file of a bucket; its points and bytes where it has any.
+    fn file(&self, bucket: usize, record: usize, path: &Path) -> Result<Option<[u64; 2]>> {
+        let all = self.buckets.len(bucket);
+        if all == 0 {
+            return Ok(None);
+        }
+        let mut writer = CloudWriter::create(path, self.options)?;
+        let (layout, mut first) = (writer.layout(), 0);
+        while first < all {
+            let mut piece = vec![0; (all - first).min((CHUNK * record) as u64) as usize];
+            first += self.buckets.read_from(bucket, first, &mut piece)? as u64;
+            writer.append(&layout.pack(piece)?)?;
+        }
+        self.buckets.forget(bucket);
+        let points = writer.points();
+        Ok(Some([points, writer.finish()?]))
     }
 }
 
@@ -267,18 +294,20 @@ impl Squares {
 
 /// Whether a folder holds nothing but files of squares that terrane wrote.
 pub(super) fn is_ours(folder: &Path) -> bool {
-    let entries = std::fs::read_dir(folder)
-        .map(|all| all.map(|entry| entry.is_ok_and(|entry| is_square(&entry.path()))));
-    entries.is_ok_and(|mut all| all.all(|is| is))
+    let is_corner = |x: &str, y: &str| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok();
+    holds_only(folder, |stem| stem.split_once('_').is_some_and(|(x, y)| is_corner(x, y)))
 }
 
-fn is_square(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
-    let corner = stem.and_then(|stem| stem.split_once('_'));
-    let is_named =
-        corner.is_some_and(|(x, y)| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok());
-    is_named && is_written_here(path)
+/// Whether a folder holds nothing but files that terrane wrote under names that are known by what they
+/// are without their ending.
+pub(super) fn holds_only(folder: &Path, is_known: impl Fn(&str) -> bool) -> bool {
+    let is_ours = |path: &Path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
+        stem.is_some_and(&is_known) && is_written_here(path)
+    };
+    let mut entries = std::fs::read_dir(folder).into_iter().flatten();
+    folder.is_dir() && entries.all(|entry| entry.is_ok_and(|entry| is_ours(&entry.path())))
 }
 
 /// Fails where one of the files lies in a folder that is to be replaced.

@@ -21,11 +21,13 @@ impl TranslateJob {
     /// All points that the ground may be made of, where these are not only those asked for, or some of them.
     pub(super) fn wide(&self, is_part: bool) -> Result<Option<Wide>> {
         let own = self.reading();
-        let is_same = own.filter.classes.is_none() && own.filter.returns.is_none();
+        let chosen = &own.filter;
+        let is_same =
+            chosen.classes.is_none() && chosen.returns.is_none() && chosen.condition.is_none();
         if (is_same && !is_part) || !self.above.is_asked() {
             return Ok(None);
         }
-        let filter = Filter { classes: None, returns: None, ..own.filter };
+        let filter = Filter { classes: None, returns: None, condition: None, ..own.filter };
         let cloud = terrane_cloud::open(&self.input, &OpenOptions { filter, ..own })?;
         Ok(Some(Wide { cloud, target: self.target()?, is_same }))
     }

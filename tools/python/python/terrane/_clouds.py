@@ -41,6 +41,7 @@ def cloud_of(
     keep_withheld: bool = False,
     bounds: Sequence[float] | None = None,
     z_range: Sequence[float] | None = None,
+    where: str | None = None,
     every: int | None = None,
     salvage: bool = False,
 ) -> _terrane.Cloud:
@@ -51,6 +52,7 @@ def cloud_of(
         "keep_withheld": keep_withheld,
         "bounds": None if bounds is None else [float(side) for side in bounds],
         "z_range": None if z_range is None else [float(end) for end in z_range],
+        "where": where,
         "every": every,
         "salvage": salvage,
     }
@@ -210,7 +212,7 @@ def made(cloud: _terrane.Cloud, asked: dict[str, Any], run: Any) -> GridResult:
 
 
 def asked_of(
-    cell: float,
+    cell: float | None,
     *,
     stat: str | Sequence[str] | None = None,
     model: str | None = None,
@@ -225,7 +227,7 @@ def asked_of(
 ) -> dict[str, Any]:
     """What a grid is to be, as the library takes it."""
     return {
-        "cell": float(cell),
+        "cell": None if cell is None else float(cell),
         "stats": stat if stat is None or isinstance(stat, str) else ",".join(stat),
         "model": model,
         "bounds": None if bounds is None else [float(side) for side in bounds],
@@ -249,6 +251,7 @@ def grid(
     returns: str | int | None = None,
     keep_withheld: bool = False,
     z_range: Sequence[float] | None = None,
+    where: str | None = None,
     every: int | None = None,
     salvage: bool = False,
     crs: Any = None,
@@ -274,9 +277,10 @@ def grid(
     stat
         Statistics: "mean", "count:class=6", "p95:above=2", "max:attribute=intensity", "tin" ... as `terrane grid --stat`
         has them. Points in memory have classes and returns, and no other attributes.
-    classes, returns, keep_withheld, z_range, every
+    classes, returns, keep_withheld, z_range, where, every
         Only points of these classes; only "first", "last" or "only" returns, or those of a number; with those that are
-        marked as withheld; within these heights; every so many.
+        marked as withheld; within these heights; of which a condition is true, such as "intensity > 100 and
+        point_source in (3, 7)"; every so many.
     salvage
         Give up what cannot be read, and count it, instead of failing.
     crs
@@ -303,6 +307,7 @@ def grid(
         returns=returns,
         keep_withheld=keep_withheld,
         z_range=z_range,
+        where=where,
         every=every,
         salvage=salvage,
     )
@@ -312,22 +317,23 @@ def grid(
     return made(cloud, asked, settings(threads, memory, progress))
 
 
-def model(points: Any, name: str, cell: float, options: dict[str, Any]) -> GridResult:
+def model(points: Any, name: str, cell: float | None, options: dict[str, Any]) -> GridResult:
     """A model of the terrain."""
     crs, salvage = options.pop("crs", None), options.pop("salvage", False)
+    where = options.pop("where", None)
     run = settings(*(options.pop(name, None) for name in ("threads", "memory", "progress")))
     known = {"bounds", "like", "radius", "max_edge", "fill", "water", "canopy"}
     unknown = sorted(options.keys() - known)
     if unknown:
         raise TypeError(f"{name}() got an unexpected keyword argument {unknown[0]!r}")
     asked = asked_of(cell, model=name, **options)
-    return made(cloud_of(points, crs=crs, salvage=salvage), asked, run)
+    return made(cloud_of(points, crs=crs, where=where, salvage=salvage), asked, run)
 
 
-def dtm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
+def dtm(points: Any, cell: float | None = 1.0, **options: Any) -> GridResult:
     """A model of the ground, of one band: triangulated from points of class 2, or from those that a filter finds. Points
-    and options are as for `grid` (crs, salvage, bounds, like, radius, max_edge, fill, threads, memory, progress), and
-    `water` names a file of water to make level.
+    and options are as for `grid` (crs, where, salvage, bounds, like, radius, max_edge, fill, threads, memory, progress), and
+    `water` names a file of water to make level. Without a `cell` (None) cells are about as wide as points are apart.
 
     >>> import terrane
     >>> ground = terrane.dtm("synth:cloud,size=60,density=2,seed=5", cell=2.0)
@@ -337,7 +343,7 @@ def dtm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
     return model(points, "dtm", cell, options)
 
 
-def dsm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
+def dsm(points: Any, cell: float | None = 1.0, **options: Any) -> GridResult:
     """A model of what is seen from above, of one band. Points and options are as for `dtm`, without `water`; `canopy` is
     how returns from deep in crowns are got rid of: "pit-free", unless told otherwise, or "spike-free", with its
     parameters after a colon.
@@ -352,7 +358,7 @@ def dsm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
     return model(points, "dsm", cell, options)
 
 
-def chm(points: Any, cell: float = 1.0, **options: Any) -> GridResult:
+def chm(points: Any, cell: float | None = 1.0, **options: Any) -> GridResult:
     """The height of what is seen from above over the ground, of one band. Points and options are as for `dsm`.
 
     >>> import numpy as np, terrane
@@ -369,6 +375,7 @@ def write_cloud_tin(
     max_error: float,
     *,
     classes: Iterable[int] | None = None,
+    where: str | None = None,
     crs: Any = None,
     overwrite: bool = False,
     threads: int | None = None,
@@ -386,7 +393,7 @@ def write_cloud_tin(
     True
     """
     refuse_existing(os.fspath(path), overwrite)
-    cloud = cloud_of(points, crs=crs, classes=classes)
+    cloud = cloud_of(points, crs=crs, classes=classes, where=where)
     return cloud.write_tin(os.fspath(path), max_error, overwrite, settings(threads, memory, progress))
 
 
@@ -396,6 +403,7 @@ def verify_cloud(
     max_error: float | None = None,
     *,
     classes: Iterable[int] | None = None,
+    where: str | None = None,
     crs: Any = None,
     threads: int | None = None,
     memory: int | str | None = None,
@@ -404,5 +412,5 @@ def verify_cloud(
     """Proves a mesh in a file against the points it was made from."""
     if isinstance(mesh, Mesh):
         raise usage("a mesh in memory is one of a grid", "pass the path of a mesh of points")
-    cloud = cloud_of(points, crs=crs, classes=classes)
+    cloud = cloud_of(points, crs=crs, classes=classes, where=where)
     return Report(cloud.verify(os.fspath(mesh), max_error, settings(threads, memory, progress)))

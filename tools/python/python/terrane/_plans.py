@@ -88,6 +88,7 @@ def plan(
     cell: float | None = None,
     stat: str | list[str] = "mean",
     classes: list[int] | None = None,
+    where: str | None = None,
     bounds: Any = None,
     bound: str = "samples",
     band: int | None = None,
@@ -134,7 +135,12 @@ def plan(
         "min_angle": min_angle is not None,
         "tile": tile != 512,
     }
-    of_grid = {"stat": stat != "mean", "classes": classes is not None, "bounds": bounds is not None}
+    of_grid = {
+        "stat": stat != "mean",
+        "classes": classes is not None,
+        "where": where is not None,
+        "bounds": bounds is not None,
+    }
     kind, others = ("mesh", of_mesh) if cell is not None else ("grid of points", of_grid)
     for name in (name for name, given in others.items() if given):
         raise usage(f"{name} is an option of a {kind}", "leave it out")
@@ -142,7 +148,7 @@ def plan(
         if max_error is not None:
             raise usage("cell is of a grid and max_error of a mesh", "pass one of them")
         grid = asked_of(cell, stat=stat, bounds=bounds, format=format)
-        cloud = cloud_of(src, classes=classes)
+        cloud = cloud_of(src, classes=classes, where=where)
         return Plan(cloud.plan_grid(os.fspath(folder), grid, cut, run))
     mesh = asked(
         max_error,
@@ -168,6 +174,7 @@ def plan_cloud_tin(
     max_error: float,
     *,
     classes: Iterable[int] | None = None,
+    where: str | None = None,
     cut: int | None = None,
     format: str | None = None,
     threads: int | None = None,
@@ -186,5 +193,5 @@ def plan_cloud_tin(
     (True, [])
     """
     run = settings(threads, memory, progress)
-    cloud = cloud_of(points, classes=classes)
+    cloud = cloud_of(points, classes=classes, where=where)
     return Plan(cloud.plan_tin(os.fspath(folder), max_error, format, cut, run))

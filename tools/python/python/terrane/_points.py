@@ -24,12 +24,15 @@ def points_of(
     classify: str | Sequence[str] = (),
     ground: str | None = None,
     tile: float | None = None,
+    split: str | None = None,
     buffer: float | None = None,
     buffer_mark: str = "withheld",
 ) -> dict[str, Any]:
     """What is asked of points, as the library takes it."""
     if tile is None and buffer is not None:
         raise usage("buffer is around squares", "pass tile=SIDE, or leave it out")
+    if tile is not None and split is not None:
+        raise usage("tile and split both divide points into files", "pass one of them")
     return {
         "point_format": point_format,
         "las_version": None if las_version is None else str(las_version),
@@ -39,6 +42,7 @@ def points_of(
         "classify": [classify] if isinstance(classify, str) else list(classify),
         "ground": ground,
         "tile": tile,
+        "split": split,
         "buffer": 0.0 if buffer is None else float(buffer),
         "buffer_mark": buffer_mark,
     }
@@ -52,6 +56,7 @@ def points(
     returns: str | int | None = None,
     bounds: Sequence[float] | None = None,
     z_range: Sequence[float] | None = None,
+    where: str | None = None,
     every: int | None = None,
     salvage: bool = False,
     point_format: int | None = None,
@@ -62,6 +67,7 @@ def points(
     classify: str | Sequence[str] = (),
     ground: str | None = None,
     tile: float | None = None,
+    split: str | None = None,
     buffer: float | None = None,
     buffer_mark: str = "withheld",
     to_crs: str | None = None,
@@ -73,12 +79,12 @@ def points(
     progress: Any = None,
 ) -> dict[str, Any]:
     r"""Writes the points of clouds with all that is known of them, into LAS, LAZ, COPC or text by the ending of `path`
-    (`.las`, `.laz`, `.copc.laz`, `.csv`), or with `tile` into a folder of a LAZ file for each square. What is written
-    appears whole or not at all. Returns what `terrane points --json` tells.
+    (`.las`, `.laz`, `.copc.laz`, `.csv`), or into a folder of a LAZ file for each square (`tile`) or each value of an
+    attribute (`split`). What is written appears whole or not at all. Returns what `terrane points --json` tells.
 
     Parameters
     ----------
-    src, classes, returns, bounds, z_range, every, salvage, threads, memory, progress
+    src, classes, returns, bounds, z_range, where, every, salvage, threads, memory, progress
         As for `grid`, of files.
     point_format
         The format of the points, 0 to 10; the first that holds all fields of all files unless said.
@@ -95,6 +101,8 @@ def points(
         ground ("class", "csf", "auto" ...).
     tile, buffer, buffer_mark
         The side of squares; points around each up to so far away, too, marked as "withheld" or "synthetic".
+    split
+        The attribute whose values divide points into files: "classification", "point_source_id" (flight lines) ...
     to_crs, shift_grid, geoid
         The reference system that they are to be in, and files for it.
     overwrite
@@ -111,7 +119,7 @@ def points(
     """
     name = os.fspath(path)
     refuse_existing(name, overwrite)
-    cloud = opened(src, classes, returns, bounds, z_range, every, salvage)
+    cloud = opened(src, classes, returns, bounds, z_range, where, every, salvage)
     asked = points_of(
         point_format=point_format,
         las_version=las_version,
@@ -121,11 +129,12 @@ def points(
         classify=classify,
         ground=ground,
         tile=tile,
+        split=split,
         buffer=buffer,
         buffer_mark=buffer_mark,
     )
-    where = system(to_crs, shift_grid, geoid)
-    return cloud.points(name, asked, where, overwrite, settings(threads, memory, progress))
+    to = system(to_crs, shift_grid, geoid)
+    return cloud.points(name, asked, to, overwrite, settings(threads, memory, progress))
 
 
 def plan_points(
@@ -138,6 +147,7 @@ def plan_points(
     returns: str | int | None = None,
     bounds: Sequence[float] | None = None,
     z_range: Sequence[float] | None = None,
+    where: str | None = None,
     every: int | None = None,
     salvage: bool = False,
     threads: int | None = None,
@@ -158,7 +168,7 @@ def plan_points(
     ...     len(os.listdir(tiles)), plan.status()["to_do"]
     (9, [])
     """
-    cloud = opened(src, classes, returns, bounds, z_range, every, salvage)
+    cloud = opened(src, classes, returns, bounds, z_range, where, every, salvage)
     asked = points_of(tile=float(tile), **options)
     run = settings(threads, memory, progress)
     return Plan(cloud.plan_points(os.fspath(folder), asked, cut, run))
@@ -170,6 +180,7 @@ def opened(
     returns: str | int | None,
     bounds: Sequence[float] | None,
     z_range: Sequence[float] | None,
+    where: str | None,
     every: int | None,
     salvage: bool,
 ) -> _terrane.Cloud:
@@ -182,6 +193,7 @@ def opened(
         returns=returns,
         bounds=bounds,
         z_range=z_range,
+        where=where,
         every=every,
         salvage=salvage,
     )

@@ -94,6 +94,7 @@ pub fn plan_grid(
     }
     refuse_held(job.input.iter().chain(&job.placement.like))?;
     job.check()?;
+    let job = &job.settled()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = Extent::new(points.info(), job)?;
     let (there, at) = (Plan::<Grid>::there(folder), At { progress, cancel });
@@ -239,9 +240,10 @@ impl Work for Grid {
         let file = |tile: &Tile| name_of(survey.object(*tile)?.0);
         let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
         let made = opened.write(&files, &opened.job, &opened.extent, at)?;
-        let input = survey.folder.plan.work.label.clone();
+        let Grid { label: input, grid: cells, .. } = survey.folder.plan.work.clone();
         let notes = losses.notes().chain(made.notes).collect();
-        run.grid = Some(GridReport { points, input, notes, ..made });
+        let cloud_points = Some(cells.points);
+        run.grid = Some(GridReport { points, cloud_points, input, notes, ..made });
         Self::written((), &opened.job.output, run);
         Ok(())
     }

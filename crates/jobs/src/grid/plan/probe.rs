@@ -1,6 +1,7 @@
 //! What the work on a grid will take, from a few small tiles that are made as all will be.
 
 use std::path::Path;
+use std::time::Instant;
 
 use tempfile::TempDir;
 
@@ -9,8 +10,9 @@ use super::tile::Opened;
 use crate::grid::GridJob;
 use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
+use crate::grid::near::Near;
 use crate::grid::preset;
-use crate::plan::{At, Needs};
+use crate::plan::{At, Needs, shared};
 use crate::points::parts_in;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -22,8 +24,11 @@ const ALONG: u32 = 4;
 /// Most points that may lie in what is read for one: where a cloud is in no order, each would read
 /// much of it.
 const MOST_POINTS: u64 = 1 << 22;
+/// Most tiles whose points are counted.
+const MOST_COUNTED: usize = 256;
 /// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is
-/// triangulated, as measured on one machine; see benches/RESULTS.md.
+/// triangulated, as measured on one machine; see benches/RESULTS.md. The second is for where nothing is
+/// tried: what statistics take depends on their radius and kind more than on the points.
 const POINT: [f64; 2] = [130.0, 400.0];
 /// The same where a method finds the ground, with its halos.
 const FOUND: f64 = 15_000.0;
@@ -45,35 +50,82 @@ pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs
     for (number, rect) in places.iter().enumerate() {
         let folder = folder.path().join(number.to_string());
         std::fs::create_dir(&folder).map_err(|e| Error::write(&folder, e))?;
-        if let Some(bytes) = probe(opened, *rect, &folder, at.silent())? {
-            seen.add(*rect, bytes);
+        if let Some(tried) = probe(opened, *rect, &folder, at.silent())? {
+            seen.add(*rect, tried);
         }
         at.progress.advance(1);
     }
     at.progress.end();
     let [objects, output] = seen.all(&opened.job, cells.all())?;
-    let recipe = Recipe::new(&opened.job.stats, &opened.job.rules(opened.extent.cell()));
-    let points = cells.points as f64 * point(opened, &recipe) * 1e-9;
+    let read = to_read(opened, cells) as f64;
+    let points = match seen.making().filter(|_| !is_found(opened)) {
+        Some(cell) => read * POINT[0] * 1e-9 + cells.all().len() as f64 * cell,
+        None => read * point(opened) * 1e-9,
+    };
     let writing = cells.all().len() as f64 * CELL * 1e-9;
     // What one thread cannot do without is more than a further one takes.
     let (memory, thread_memory) = (least.memory, least.memory);
     Ok(Needs { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
 }
 
-/// Nanoseconds for a point.
-fn point(Opened { job, seen, .. }: &Opened, recipe: &Recipe) -> f64 {
-    let is_found = job.preset.is_some_and(|preset| preset::needs_ground(preset, job));
+/// Whether the ground is found, or a surface frozen, in squares with halos: small tiles take more of those
+/// than all will.
+fn is_found(Opened { job, seen, .. }: &Opened) -> bool {
+    let needs_ground = job.preset.is_some_and(|preset| preset::needs_ground(preset, job));
+    seen.as_ref().is_some_and(|seen| needs_ground && !seen.by_class || seen.square > 0)
+}
+
+/// Nanoseconds for a point, where that is not measured.
+fn point(opened: &Opened) -> f64 {
+    let Opened { job, seen, extent, .. } = opened;
+    let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+    let needs_ground = job.preset.is_some_and(|preset| preset::needs_ground(preset, job));
     let usual = match seen {
-        Some(seen) if is_found && !seen.by_class => FOUND,
+        Some(seen) if needs_ground && !seen.by_class => FOUND,
         _ => POINT[usize::from(recipe.triangulates())],
     };
     let freezes = seen.as_ref().is_some_and(|seen| seen.square > 0);
     usual + if freezes { FROZEN } else { 0.0 }
 }
 
-/// Cells that were tried, and the bytes they took.
+/// Points that all tiles read: each reads all parts that have some near it.
+fn to_read(opened: &Opened, cells: &Cells) -> u64 {
+    let tiles: Vec<Tile> = cells.tiles().collect();
+    let stride = tiles.len().div_ceil(MOST_COUNTED).max(1);
+    let counted = tiles.iter().step_by(stride);
+    let count = counted.len() as u64;
+    let points: u64 =
+        counted.map(|tile| points_near(opened, opened.near(cells.cells(*tile)))).sum();
+    (u128::from(points) * tiles.len() as u128 / u128::from(count.max(1))) as u64
+}
+
+/// Points of the parts that have some near.
+fn points_near(opened: &Opened, near: Option<Near>) -> u64 {
+    let points = &*opened.points;
+    match near {
+        Some(near) => {
+            let parts = parts_in(points, &near.window());
+            parts.iter().map(|part| points.points_of(*part)).sum()
+        }
+        None => points.info().count,
+    }
+}
+
+/// A tile that was tried.
+struct Tried {
+    /// Bytes of the tile, and of the grid written from it.
+    bytes: [u64; 2],
+    /// Points read.
+    points: u64,
+    /// Seconds that one thread would have taken.
+    seconds: f64,
+}
+
+/// Cells that were tried, and what they took.
 #[derive(Default)]
 struct Seen {
+    points: u64,
+    seconds: f64,
     cells: u64,
     /// With what fills up the blocks of the written grid.
     padded: u64,
@@ -84,11 +136,22 @@ struct Seen {
 }
 
 impl Seen {
-    fn add(&mut self, rect: Rect, [tile, written]: [u64; 2]) {
+    fn add(&mut self, rect: Rect, tried: Tried) {
+        let [tile, written] = tried.bytes;
+        self.points += tried.points;
+        self.seconds += tried.seconds;
         self.cells += rect.len() as u64;
         self.padded += self.padded(rect);
         self.tiles += tile;
         self.written += written;
+    }
+
+    /// Seconds that one thread takes for the values of a cell, beside the reading of points; `None` where
+    /// nothing was tried.
+    fn making(&self) -> Option<f64> {
+        let reading = self.points as f64 * POINT[0] * 1e-9;
+        let is_tried = self.cells > 0;
+        is_tried.then(|| (self.seconds - reading).max(0.0) / self.cells as f64)
     }
 
     fn padded(&self, rect: Rect) -> u64 {
@@ -134,26 +197,24 @@ fn places(cells: &Cells) -> Vec<Rect> {
     spans(cells.height).into_iter().flat_map(row).collect()
 }
 
-/// Bytes of a tile and of the grid written from it; `None` when too much has to be read to tell.
-fn probe(opened: &Opened, rect: Rect, folder: &Path, at: At<'_>) -> Result<Option<[u64; 2]>> {
+/// A small tile, and the grid written from it; `None` when too much has to be read to tell.
+fn probe(opened: &Opened, rect: Rect, folder: &Path, at: At<'_>) -> Result<Option<Tried>> {
     at.cancel.check()?;
-    let (points, near) = (&*opened.points, opened.near(rect));
-    let parts = match near {
-        Some(near) => parts_in(points, &near.window()),
-        None => (0..points.parts()).collect(),
-    };
-    if parts.iter().map(|part| points.points_of(*part)).sum::<u64>() > MOST_POINTS {
+    let near = opened.near(rect);
+    if points_near(opened, near) > MOST_POINTS {
         return Ok(None);
     }
-    let tile = folder.join("tile.tif");
+    let (tile, started) = (folder.join("tile.tif"), Instant::now());
     let Some(made) = opened.try_make(rect, &tile, near, at)? else {
         return Ok(None);
     };
-    let extent = opened.extent.part(rect, points.info());
+    let seconds = started.elapsed().as_secs_f64() / shared(1.0, made.run.threads);
+    let extent = opened.extent.part(rect, opened.points.info());
     let files = [name_of(tile)?];
     let job = written_in(&opened.job, folder)?;
     let written = opened.write(&files, &job, &extent, at)?;
-    Ok(Some([made.output_bytes, written.output_bytes]))
+    let bytes = [made.output_bytes, written.output_bytes];
+    Ok(Some(Tried { bytes, points: made.points.read, seconds }))
 }
 
 /// The job whose output is in `folder`.

@@ -141,18 +141,14 @@ impl Layers {
                 let facet = facet(position, found);
                 line.push(facet.filter(|facet| self.is_surface(facet, max_edge)));
             };
+            let [x, y, _] = self.frame.scale;
+            let is_base =
+                |corners: &[Point; 3]| max_edge.is_none_or(|most| is_short(corners, [x, y], most));
             match (i, self.longest(max_edge)) {
-                (0, None) => around.find_all(hull, positions(), first)?,
+                (0, None) => around.find_all_small(hull, positions(), is_base, first)?,
                 (0, Some(most)) => {
-                    let [x, y, _] = self.frame.scale;
-                    let is_small = |corners: &[Point; 3]| is_short(corners, [x, y], most);
-                    around.find_small(
-                        hull,
-                        positions(),
-                        reach(&self.frame, most),
-                        is_small,
-                        first,
-                    )?;
+                    let reach = reach(&self.frame, most);
+                    around.find_small(hull, positions(), reach, is_base, first)?;
                 }
                 _ => around.find_small(hull, positions(), self.reach(), is_small, |p, found| {
                     line.push(facet(p, found));

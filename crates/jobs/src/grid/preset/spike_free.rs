@@ -16,7 +16,7 @@ use super::{Making, STORES, too_little};
 use crate::points::PointStore;
 use crate::workers;
 use terrane_base::error::Result;
-use terrane_base::geom::{Frame, Rect};
+use terrane_base::geom::{Frame, Point, Rect};
 use terrane_delaunay::{Disc, Position, SpikeFree, Window, interpolate};
 use terrane_files::Buckets;
 use terrane_gridding::Statistic;
@@ -211,8 +211,20 @@ impl Work<'_> {
         Ok(())
     }
 
+    /// The height at a position; on the side of two triangles, of which one has an edge that is too long, that of the
+    /// other.
     fn height(&self, surface: &SpikeFree, window: &Window, at: Position, last: &mut u32) -> f64 {
-        let Some((corners, is_small)) = surface.find(at, last) else { return PLAIN };
+        match self.height_in(surface.find(at, last, false), window, at) {
+            void if void.is_nan() => match surface.find(at, last, true) {
+                None => void,
+                behind => self.height_in(behind, window, at),
+            },
+            height => height,
+        }
+    }
+
+    fn height_in(&self, found: Option<([Point; 3], bool)>, window: &Window, at: Position) -> f64 {
+        let Some((corners, is_small)) = found else { return PLAIN };
         let disc = || Disc::around(corners.map(|p| [p.x, p.y]));
         if !is_small && !self.made.plain.store().is_within(&disc(), window) {
             return PLAIN;

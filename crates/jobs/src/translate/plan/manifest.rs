@@ -97,9 +97,16 @@ impl Method {
             transform,
             sort,
             squares,
+            split,
             overwrite: _,
             resources: _,
         } = job;
+        if split.is_some() {
+            return Err(Error::usage(
+                "--split is not supported by plan points: a value may have points in every task",
+            )
+            .remedy("plan with --tile and run terrane points --split on its folder, or run terrane points alone"));
+        }
         let Some((squares, is_plain)) = *squares else {
             return Err(Error::usage("a plan makes squares: one file is written by one run")
                 .remedy("pass --tile SIDE, or run terrane points"));

@@ -1,23 +1,18 @@
 //! Attributes of points that are given other values, by formulas of what is known of the point.
 
-mod formula;
-
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use crate::records::choice::place;
 use crate::records::{Records, Take, Unit};
-use formula::Formula;
 use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
+use terrane_base::formula::Formula;
 use terrane_base::geom::{Frame, Ruler};
 use terrane_cloud::write::Column;
-use terrane_cloud::{Cloud, PointFormat, PointSource};
+use terrane_cloud::{AXES, Cloud, PointFormat, PointSource};
 use terrane_files::path_of;
-
-/// What coordinates are called.
-const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// An attribute and what it is to be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,7 +35,7 @@ impl FromStr for Assign {
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
             return Err(format!("{name} is a coordinate and no attribute: --to-crs moves points"));
         }
-        Ok(Self { text: text.to_owned(), name, formula: Formula::parse(formula)? })
+        Ok(Self { text: text.to_owned(), name, formula: Formula::number(formula)? })
     }
 }
 
@@ -81,7 +76,7 @@ impl Assigning {
         (format, columns): (PointFormat, &[Column]),
         frame: &Frame,
     ) -> Result<Self> {
-        let find = |name: &str| column(name, columns).ok_or_else(|| lacking(name, format, columns));
+        let find = |name: &str| column(name, format, columns);
         let source = |name: &str| match AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis))
         {
             Some(axis) => Ok(Source::Axis(axis)),
@@ -118,17 +113,20 @@ impl Assigning {
     }
 }
 
-/// The column of an attribute: one of the standard by any of its names, or extra bytes.
-fn column(name: &str, columns: &[Column]) -> Option<Column> {
-    let name = attribute::known(name.trim()).map_or(name.trim(), |attribute| attribute.name);
-    columns.iter().find(|column| column.name().trim().eq_ignore_ascii_case(name)).cloned()
-}
-
-fn lacking(name: &str, format: PointFormat, columns: &[Column]) -> Error {
-    let number = format.number();
-    let names: Vec<&str> = columns.iter().map(Column::name).collect();
-    Error::usage(format!("the points, of format {number}, have no attribute {name:?}"))
-        .remedy(format!("they have {}; --point-format takes others", names.join(", ")))
+/// The column of an attribute in records of a format: one of the standard by any of its names, or extra
+/// bytes.
+///
+/// # Errors
+/// A name of none.
+pub(super) fn column(name: &str, format: PointFormat, columns: &[Column]) -> Result<Column> {
+    let known = attribute::known(name.trim()).map_or(name.trim(), |attribute| attribute.name);
+    let found = columns.iter().find(|column| column.name().trim().eq_ignore_ascii_case(known));
+    found.cloned().ok_or_else(|| {
+        let number = format.number();
+        let names: Vec<&str> = columns.iter().map(Column::name).collect();
+        Error::usage(format!("the points, of format {number}, have no attribute {name:?}"))
+            .remedy(format!("they have {}; --point-format takes others", names.join(", ")))
+    })
 }
 
 /// Records with attributes that were set.
@@ -145,7 +143,7 @@ impl Assigned<'_> {
     fn failure(&self, unit: usize, record: &[u8], what: &str) -> Error {
         let [x, y, z] = self.assigning.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
-        let error = error.remedy("change --attribute, or leave the point out");
+        let error = error.remedy("change --attribute, or leave such points out with --where");
         match self.cloud.file_of(unit).and_then(|number| self.cloud.files().get(number)) {
             Some(name) => error.in_file(&path_of(name)),
             None => error,

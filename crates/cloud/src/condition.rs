@@ -1,0 +1,99 @@
+//! Conditions on the attributes of points: `intensity > 100 and point_source_id = 7`.
+
+use std::cell::RefCell;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::Result;
+use terrane_base::formula::Formula;
+use terrane_base::geom::{Frame, Point, Ruler};
+
+use super::columns::{Reader, reader};
+use super::sieve::Raw;
+use super::write::Column;
+
+/// What coordinates are called.
+pub const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A condition as it was written. Names are those of [`terrane_base::attribute`], of extra bytes, and
+/// x, y and z.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Condition {
+    text: String,
+    formula: Formula<String>,
+}
+
+impl FromStr for Condition {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        Ok(Self { text: text.to_owned(), formula: Formula::condition(text)? })
+    }
+}
+
+impl TryFrom<String> for Condition {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<Condition> for String {
+    fn from(condition: Condition) -> Self {
+        condition.text
+    }
+}
+
+impl fmt::Display for Condition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Condition {
+    /// The condition for records with these columns whose points lie in `frame`.
+    ///
+    /// # Errors
+    /// An attribute that the points do not have.
+    pub(crate) fn bind(&self, columns: &[Column], frame: &Frame) -> Result<Test> {
+        let source = |name: &str| {
+            if let Some(axis) = AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis)) {
+                return Ok(Source::Axis(axis, frame.ruler(axis)));
+            }
+            let found = reader(name, columns)?;
+            let ruler = found.column().and_then(Column::ruler);
+            Ok(Source::Attribute(found, ruler))
+        };
+        Ok(Test(self.formula.resolve(source)?))
+    }
+}
+
+/// Where a number of a condition is.
+#[derive(Clone, Debug)]
+enum Source {
+    Axis(usize, Ruler),
+    /// With the decimals that its whole numbers are steps of, where they are scaled.
+    Attribute(Reader, Option<Ruler>),
+}
+
+/// A condition on the records of one file.
+#[derive(Clone, Debug)]
+pub(crate) struct Test(Formula<Source>);
+
+impl Test {
+    /// Whether it is true of a point, of which this is the record.
+    pub(crate) fn holds<R: Raw>(&self, point: Point, raw: R, record: &[u8]) -> bool {
+        thread_local! {
+            static STACK: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+        }
+        let value = |source: &Source| match source {
+            Source::Axis(axis, ruler) => ruler.at([point.x, point.y, point.z][*axis].into()),
+            Source::Attribute(reader, ruler) => reader.decimal(raw, record, ruler.as_ref()),
+        };
+        STACK.with_borrow_mut(|stack| self.0.holds(stack, value))
+    }
+}

@@ -1,0 +1,339 @@
+//! `--where` and `--split`: against the points as text, chosen one by one here.
+
+use std::collections::BTreeMap;
+
+use crate::cli_support::{Place, json};
+
+/// A point as a line of text has it.
+struct Line<'a> {
+    text: &'a str,
+    values: BTreeMap<&'a str, f64>,
+}
+
+impl Line<'_> {
+    fn get(&self, name: &str) -> f64 {
+        *self.values.get(name).unwrap_or_else(|| panic!("no {name}"))
+    }
+
+    /// The height above the ground in whole centimetres; `None` where there is none.
+    fn above(&self) -> Option<i64> {
+        let steps = (self.get("HeightAboveGround") * 100.0).round() as i64;
+        (steps > i64::from(i32::MIN)).then_some(steps)
+    }
+}
+
+fn lines(text: &str) -> Vec<Line<'_>> {
+    let mut all = text.lines();
+    let names: Vec<&str> = all.next().unwrap().split(',').collect();
+    let line = |text| {
+        let values = str::split(text, ',').map(|value| value.parse().unwrap());
+        Line { text, values: names.iter().copied().zip(values).collect() }
+    };
+    all.map(line).collect()
+}
+
+/// A condition, and what it means.
+type Twin = (&'static str, fn(&Line<'_>) -> bool);
+
+const TWINS: &[Twin] = &[
+    ("intensity > 100 and point_source = 7", |p| {
+        p.get("intensity") > 100.0 && p.get("point_source_id") == 7.0
+    }),
+    ("Classification == 2 && Intensity >= 90", |p| {
+        p.get("classification") == 2.0 && p.get("intensity") >= 90.0
+    }),
+    ("class in (3, 4, 5) or ReturnNumber < NumberOfReturns", |p| {
+        (3.0..=5.0).contains(&p.get("classification"))
+            || p.get("return_number") < p.get("number_of_returns")
+    }),
+    ("not class in (2, 6) and not withheld = 1", |p| {
+        ![2.0, 6.0].contains(&p.get("classification")) && p.get("withheld") != 1.0
+    }),
+    ("scan_angle < -4.5 and scan_angle >= -8.004", |p| {
+        p.get("scan_angle") < -4.5 && p.get("scan_angle") >= -8.004
+    }),
+    ("user_data / 3 * 2 - 1 > -(1 - number_of_returns)", |p| {
+        p.get("user_data") / 3.0 * 2.0 - 1.0 > p.get("number_of_returns") - 1.0
+    }),
+    ("z >= 220.25 and x < 500040.5 and y <> 4750010", |p| {
+        p.get("z") >= 220.25 && p.get("x") < 500_040.5 && p.get("y") != 4_750_010.0
+    }),
+    ("gps_time * 2 > 600000001 and edge_of_flight_line = 0", |p| {
+        p.get("gps_time") * 2.0 > 600_000_001.0 && p.get("edge_of_flight_line") == 0.0
+    }),
+    ("HeightAboveGround = 0.29 or heightaboveground > 7.1", |p| {
+        p.above().is_some_and(|steps| steps == 29 || steps > 710)
+    }),
+    ("not HeightAboveGround <= 7.1", |p| p.above().is_some_and(|steps| steps > 710)),
+    ("100 / (class - 2) > 34", |p| {
+        p.get("classification") == 3.0 || p.get("classification") == 4.0
+    }),
+    ("class = 99", |_| false),
+];
+
+/// A cloud with extra bytes, some of which have no value, in several forms.
+fn place() -> Place {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=80,density=3,seed=9,relief=300", "plain.laz"]);
+    let set = ["--attribute", "point_source_id = 5 + number_of_returns"];
+    let more = ["--attribute", "user_data = 3 * return_number", "--height-above-ground"];
+    place.ok(&[&["points", "plain.laz", "c.laz"], &set[..], &more[..]].concat());
+    place.ok(&["points", "c.laz", "c.las"]);
+    place.ok(&["points", "c.laz", "c.copc.laz"]);
+    place.ok(&["points", "c.laz", "all.csv"]);
+    place
+}
+
+/// The bytes of a file, or of all files of a folder by name.
+fn files(place: &Place, name: &str) -> Vec<(String, Vec<u8>)> {
+    let path = place.path(name);
+    if !path.is_dir() {
+        return vec![(String::new(), place.bytes(name))];
+    }
+    let mut all: Vec<_> = std::fs::read_dir(path).unwrap().flatten().collect();
+    all.sort_by_key(|entry| entry.file_name());
+    let file = |entry: &std::fs::DirEntry| {
+        (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap())
+    };
+    all.iter().map(file).collect()
+}
+
+fn read(place: &Place, name: &str) -> String {
+    std::fs::read_to_string(place.path(name)).unwrap()
+}
+
+#[test]
+fn conditions_choose_the_points_that_meet_them() {
+    let place = place();
+    let text = read(&place, "all.csv");
+    let all = lines(&text);
+    let mut chosen_by_some = 0;
+    for (number, (condition, holds)) in TWINS.iter().enumerate() {
+        let expected: Vec<&str> = all.iter().filter(|p| holds(p)).map(|p| p.text).collect();
+        chosen_by_some += usize::from(!expected.is_empty() && expected.len() < all.len());
+        for input in ["c.laz", "c.las"] {
+            let out = format!("{number}-{input}.csv");
+            place.ok(&["points", input, &out, "--where", condition]);
+            let found = read(&place, &out);
+            assert!(found.lines().skip(1).eq(expected.iter().copied()), "{condition} of {input}");
+        }
+        let info =
+            json(&place.ok(&["info", "c.las", "--stats", "--json", "--where", condition]).out);
+        assert_eq!(info["stats"]["kept"], expected.len(), "{condition}");
+    }
+    assert!(chosen_by_some >= 9, "{chosen_by_some}");
+}
+
+#[test]
+fn every_form_memory_and_number_of_threads_has_the_same_points() {
+    let place = place();
+    let condition = "intensity > 110 and scan_angle < 9 or HeightAboveGround > 3";
+    let made = |input: &str, more: &[&str]| {
+        let out = format!("o{}.laz", place.files().len());
+        place.ok(&[&["points", input, &out, "--where", condition], more].concat());
+        place.bytes(&out)
+    };
+    let once = made("c.laz", &[]);
+    assert_eq!(made("c.laz", &["--threads", "1", "--memory", "200M"]), once);
+    assert_eq!(made("c.las", &["--threads", "3"]), once);
+    let sorted = |input: &str| {
+        let out = format!("s{}.csv", place.files().len());
+        place.ok(&["points", input, &out, "--where", condition]);
+        let mut lines: Vec<String> = read(&place, &out).lines().map(str::to_owned).collect();
+        lines.sort();
+        lines
+    };
+    assert_eq!(sorted("c.copc.laz"), sorted("c.laz"));
+    // Two halves in any order are the whole.
+    place.ok(&["points", "c.laz", "west.laz", "--where", "x < 500040"]);
+    place.ok(&["points", "c.laz", "east.laz", "--where", "not x < 500040"]);
+    let two = |names: [&str; 2]| {
+        let out = format!("t{}.laz", place.files().len());
+        place.ok(&["points", names[0], names[1], &out, "--where", condition]);
+        place.bytes(&out)
+    };
+    assert_eq!(two(["west.laz", "east.laz"]), two(["east.laz", "west.laz"]));
+}
+
+/// A verb with a condition does what it does with a file of the points that meet it.
+#[test]
+fn every_verb_that_reads_clouds_takes_conditions() {
+    let place = place();
+    let condition = "class = 2 and intensity > 95";
+    place.ok(&["points", "c.las", "some.las", "--where", condition]);
+    let bbox = "500000,4750000,500080,4750080";
+    let verbs: [&[&str]; 3] = [
+        &["grid", "INPUT", "OUT.asc", "--cell", "4", "--stat", "mean", "--bbox", bbox],
+        &["grid", "INPUT", "OUT.asc", "--cell", "4", "--dtm", "--bbox", bbox],
+        &["points", "INPUT", "OUT.csv"],
+    ];
+    for (number, verb) in verbs.iter().enumerate() {
+        let with = |input: &str, more: &[&str]| {
+            let out = format!("{number}-{}", input.replace(".las", ""));
+            let args: Vec<String> =
+                verb.iter().map(|arg| arg.replace("INPUT", input).replace("OUT", &out)).collect();
+            let args: Vec<&str> =
+                args.iter().map(String::as_str).chain(more.iter().copied()).collect();
+            place.ok(&args);
+            let name = args.iter().find(|arg| arg.starts_with(&out)).unwrap();
+            place.bytes(name)
+        };
+        assert!(with("c.las", &["--where", condition]) == with("some.las", &[]), "{verb:?}");
+    }
+    let mesh = ["tin", "c.las", "m.ply", "--max-error", "0.5", "--where", condition];
+    place.ok(&mesh);
+    place.ok(&["verify", "m.ply", "c.las", "--where", condition]);
+    assert_eq!(place.run(&["verify", "m.ply", "c.las"]).code, 1, "other points are off");
+    // Plans, of which every task has the condition.
+    for (verb, options, output) in [
+        ("grid", &["--cell", "1", "--stat", "count"][..], "g.tif"),
+        ("tin", &["--max-error", "0.5"][..], "t.ply"),
+        ("points", &["--tile", "40"][..], "p"),
+    ] {
+        let run = [&[verb, "c.las", output, "--where", condition], options].concat();
+        place.ok(&run);
+        let plan = [&["plan", verb, "c.las", "-o", "work", "--where", condition], options].concat();
+        place.ok(&plan);
+        let planned = format!("planned-{output}");
+        place.ok(&["run", "work", "-o", &planned]);
+        assert!(files(&place, output) == files(&place, &planned), "{verb}");
+        std::fs::remove_dir_all(place.path("work")).unwrap();
+    }
+}
+
+#[test]
+fn the_ground_is_that_of_all_points_as_with_other_filters() {
+    let place = place();
+    for (out, filter, condition) in [("a.csv", "--class", "5"), ("b.csv", "--where", "class = 5")] {
+        place.ok(&["points", "plain.laz", out, "--height-above-ground", filter, condition]);
+    }
+    assert_eq!(read(&place, "a.csv"), read(&place, "b.csv"));
+}
+
+#[test]
+fn what_cannot_be_asked_is_refused_by_name() {
+    let place = place();
+    let told: [(&str, &str, &[&str]); 6] = [
+        (
+            "--where",
+            "amplitude > 3",
+            &["no attribute \"amplitude\"", "c.laz", "intensity", "HeightAboveGround"],
+        ),
+        ("--where", "intensity", &["compares nothing"]),
+        ("--where", "1 < z < 5", &["joined by and"]),
+        ("--where", "intensity >", &["ends where"]),
+        ("--split", "amplitude", &["no attribute \"amplitude\"", "point_source_id"]),
+        ("--split", "x", &["is a coordinate", "--tile"]),
+    ];
+    for (option, value, words) in told {
+        place.fails(&["points", "c.laz", "o.laz", option, value], 2, words);
+    }
+    place.fails(
+        &["plan", "points", "c.laz", "-o", "w", "--split", "class"],
+        2,
+        &["--split", "plan points"],
+    );
+    place.fails(
+        &["points", "c.laz", "o", "--split", "class", "--tile", "20"],
+        2,
+        &["--split", "--tile", "cannot be used with"],
+    );
+    place.fails(
+        &["tin", "synth:rough,size=33", "o.ply", "--max-error", "1", "--where", "z > 1"],
+        2,
+        &["--where is for point clouds"],
+    );
+    // The name of an attribute is looked for where points are read, in each file.
+    place.write("other.csv", "x,y,z\n500001,4750001,3\n");
+    place.fails(
+        &[
+            "grid",
+            "c.laz",
+            "cloud:other.csv",
+            "o.tif",
+            "--cell",
+            "1",
+            "--where",
+            "intensity > 3",
+            "--crs",
+            "EPSG:32631",
+        ],
+        2,
+        &["other.csv", "no attribute \"intensity\""],
+    );
+    assert!(!place.path("o.laz").exists() && !place.path("o").exists());
+}
+
+#[test]
+fn parts_are_what_conditions_choose() {
+    let place = place();
+    let text = read(&place, "all.csv");
+    for (attribute, column, of) in [
+        ("class", "classification", "c.laz"),
+        ("PointSourceId", "point_source_id", "c.laz"),
+        ("return_number", "return_number", "c.las"),
+        ("withheld", "withheld", "c.laz"),
+    ] {
+        let told = json(
+            &place.ok(&["points", of, "parts", "--split", attribute, "--json", "--overwrite"]).out,
+        );
+        let all = lines(&text);
+        let mut values: Vec<i64> = all.iter().map(|p| p.get(column) as i64).collect();
+        values.sort_unstable();
+        values.dedup();
+        assert!(values.len() > 1 && told["files"] == values.len(), "{attribute}: {values:?}");
+        assert_eq!(told["points"], all.len());
+        for value in &values {
+            let condition = format!("{column} = {value}");
+            place.ok(&["points", of, "one.laz", "--where", &condition, "--overwrite"]);
+            let part = place.path("parts").join(format!("{column}_{value}.laz"));
+            assert!(std::fs::read(part).unwrap() == place.bytes("one.laz"), "{condition}");
+        }
+        let files = std::fs::read_dir(place.path("parts")).unwrap().count();
+        assert_eq!(files, values.len(), "nothing else is in the folder");
+    }
+}
+
+#[test]
+fn parts_are_the_same_bytes_however_they_are_made() {
+    let place = place();
+    place.ok(&["points", "c.laz", "west.laz", "--where", "x < 500040"]);
+    place.ok(&["points", "c.laz", "east.laz", "--where", "x >= 500040"]);
+    let runs: [&[&str]; 3] = [
+        &["west.laz", "east.laz", "a", "--threads", "1"],
+        &["east.laz", "west.laz", "b", "--threads", "3", "--memory", "200M"],
+        &["west.laz", "east.laz", "c", "--tile-format", "laz"],
+    ];
+    let files = runs.map(|run| {
+        place.ok(&[&["points"], run, &["--split", "point_source_id"]].concat());
+        files(&place, run[2])
+    });
+    assert!(files[0] == files[1] && files[1] == files[2] && files[0].len() > 1);
+}
+
+#[test]
+fn scaled_and_missing_values_are_names_of_files() {
+    let place = Place::new();
+    // The ground at 0; points 0.1, 0.3 and 0.3 above it, one beyond it.
+    let ground = "0 0 0 2\n10 0 0 2\n0 10 0 2\n10 10 0 2\n";
+    place.write(
+        "p.xyz",
+        format!("x y z class\n{ground}2 3 0.1 5\n3 2 0.3 5\n4 4 0.3 5\n99 99 1 5\n"),
+    );
+    place.ok(&["points", "cloud:p.xyz", "p.las", "--height-above-ground"]);
+    place.ok(&["points", "p.las", "parts", "--split", "HeightAboveGround", "--tile-format", "las"]);
+    let mut names: Vec<_> = std::fs::read_dir(place.path("parts")).unwrap().flatten().collect();
+    names.sort_by_key(|entry| entry.file_name());
+    let names: Vec<String> = names.iter().map(|e| e.file_name().into_string().unwrap()).collect();
+    let expected =
+        ["0.1", "0.3", "0", "none"].map(|value| format!("HeightAboveGround_{value}.las"));
+    assert_eq!(names, expected);
+    // Only folders of such files are replaced.
+    place.ok(&["points", "p.las", "parts", "--split", "class", "--overwrite"]);
+    place.write("parts/notes.txt", "mine");
+    place.fails(
+        &["points", "p.las", "parts", "--split", "class", "--overwrite"],
+        2,
+        &["holds other files too"],
+    );
+}
