@@ -97,7 +97,7 @@ pub use terrane_jobs::translate::{
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, FileAt, Progress};
-pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType, WaterReport};
+pub use terrane_raster::{ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};
 
 /// The code of the tutorial, tested with that of the documentation.
 #[cfg(doctest)]

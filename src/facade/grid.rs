@@ -14,7 +14,7 @@ use terrane_files::name_of;
 use terrane_jobs::reading::Reading;
 use terrane_jobs::{Resources, memory};
 use terrane_raster::{
-    self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, OpenOptions,
+    self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
 };
 
 /// A grid of heights, in one file or many: what [`open`] opens.
@@ -189,6 +189,20 @@ impl Grid {
     /// Size, place, reference system and storage.
     pub fn info(&self) -> &GridInfo {
         self.source.info()
+    }
+
+    /// What is odd about it, or easily overlooked: no system, several bands, a nodata value that its type cannot hold.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// let heights = terrane::ArrayGrid::shared(vec![0_i16; 12], 4, 3)?.with_nodata(Some(70_000.0));
+    /// let notes = terrane::open_array(heights)?.notes();
+    /// assert!(notes.iter().any(|note| note.kind == "impossible nodata"));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn notes(&self) -> Vec<Note> {
+        raster::notes(self.info())
     }
 
     /// The heights of a rectangle of samples, row by row, NaN for voids. Takes 8 bytes for each.

@@ -14,6 +14,7 @@ mod simplify;
 mod surface;
 mod tiles;
 mod tin;
+mod tin_file;
 mod verify;
 
 pub use bands::{BandGrid, BandTinBuilder, open_bands};

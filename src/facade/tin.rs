@@ -1,6 +1,6 @@
 //! Meshes with a proven bound on their error, in memory and into files.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
@@ -13,7 +13,7 @@ use terrane_files::{lock, name_of};
 use terrane_jobs::tin::{
     self, BuildJob, Built, Goal, PlanJob, Refinement, TinJob, TinReport, USUAL_TILE,
 };
-use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use terrane_mesh::{MeshBatch, MeshHeader, MeshSink};
 use terrane_raster::{self as raster, ArraySample, OpenOptions};
 
 /// A triangle mesh in memory.
@@ -35,13 +35,13 @@ use terrane_raster::{self as raster, ArraySample, OpenOptions};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Tin {
-    vertices: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
-    tolerance: f64,
-    max_error: f64,
+    pub(super) vertices: Vec<[f64; 3]>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    pub(super) tolerance: f64,
+    pub(super) max_error: f64,
     rmse: f64,
     unmet: Option<String>,
-    header: MeshHeader,
+    pub(super) header: MeshHeader,
 }
 
 /// What a [`Tin`] is made of.
@@ -155,79 +155,7 @@ impl Tin {
         }
         Ok(Self { vertices, triangles, tolerance, max_error, rmse, unmet, header })
     }
-
-    /// Writes it into a new file, whole or not at all, in the format that its ending stands for, and returns
-    /// the size of the file in bytes.
-    ///
-    /// # Errors
-    /// A file that exists or cannot be written; an unknown ending; longitudes and latitudes in GLB and STL,
-    /// which hold local metres ([`TinBuilder::write`] turns them into those); heights that the format, which has 32 bits
-    /// for them, does not hold exactly (the bound would be broken: [`TinBuilder::write`] keeps it).
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<u64> {
-        self.write_as(path.as_ref(), false)
-    }
-
-    /// The same in place of a file that may be there.
-    ///
-    /// # Errors
-    /// As [`write`](Self::write), but for a file that exists.
-    pub fn overwrite(&self, path: impl AsRef<Path>) -> Result<u64> {
-        self.write_as(path.as_ref(), true)
-    }
-
-    fn write_as(&self, path: &Path, overwrite: bool) -> Result<u64> {
-        let format = mesh::by_path(path, None)?;
-        if format.single_precision && self.header.crs.horizontal_unit() == "degree" {
-            let message = format!("{} holds longitudes and latitudes in local metres", format.name);
-            return Err(Error::unsupported(message).in_file(path).remedy(
-                "write PLY or OBJ, or let the mesh be written while it is made: TinBuilder::write",
-            ));
-        }
-        let is_exact = |[.., z]: &[f64; 3]| f64::from(*z as f32) == *z;
-        if format.single_precision && !self.vertices.iter().all(is_exact) {
-            let message = format!("{} has 32 bits for a height, too few for these", format.name);
-            return Err(Error::unsupported(message)
-                .in_file(path)
-                .remedy("write PLY or OBJ, or make the mesh of 32-bit heights"));
-        }
-        let [vertices, triangles] = [self.vertices.len(), self.triangles.len()].map(|n| n as u64);
-        format.check_capacity(vertices, triangles)?;
-        mesh::check_prj(path, &self.header.crs, overwrite)?;
-        let mut sink = (format.create)(
-            path,
-            &self.header,
-            &SinkOptions { overwrite, ..SinkOptions::default() },
-        )?;
-        self.push(&mut *sink)?;
-        let bytes = sink.finish()?;
-        mesh::write_prj(path, &self.header.crs, overwrite)?;
-        Ok(bytes)
-    }
-
-    fn push(&self, sink: &mut dyn MeshSink) -> Result<()> {
-        let wants_corners = sink.wants_corners();
-        for vertices in self.vertices.chunks(BATCH) {
-            sink.push(MeshBatch { vertices, values: &[], triangles: &[], corners: &[] })?;
-        }
-        for triangles in self.triangles.chunks(BATCH) {
-            let place = |id: &u32| self.vertices[*id as usize];
-            let corners =
-                triangles.iter().filter(|_| wants_corners).map(|t| t.each_ref().map(place));
-            let corners: Vec<_> = corners.collect();
-            let triangles: Vec<_> = triangles.iter().map(|t| t.map(u64::from)).collect();
-            sink.push(MeshBatch {
-                vertices: &[],
-                values: &[],
-                triangles: &triangles,
-                corners: &corners,
-            })?;
-        }
-        Ok(())
-    }
 }
-
-/// Vertices or triangles handed to a sink at once.
-const BATCH: usize = 1 << 14;
 
 /// A mesh to be made: by greedy insertion (Garland and Heckbert 1995) in tiles that share the vertices along
 /// their rims, joined without seams, redundant vertices dropped again.
@@ -540,7 +468,7 @@ struct Kept(Arc<Mutex<Lists>>);
 
 #[derive(Default)]
 struct Lists {
-    vertices: Vec<[f64; 3]>,
+    pub(super) vertices: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 

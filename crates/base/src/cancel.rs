@@ -15,9 +15,15 @@ impl Cancel {
         self.0.store(true, Ordering::Relaxed);
     }
 
+    /// True once [`cancel`](Self::cancel) was called.
+    #[inline]
+    pub fn is_set(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
     /// Fails with [`ErrorKind::Interrupted`] once [`cancel`](Self::cancel) was called.
     pub fn check(&self) -> Result<()> {
-        if self.0.load(Ordering::Relaxed) {
+        if self.is_set() {
             return Err(Error::new(ErrorKind::Interrupted, "interrupted; nothing was written"));
         }
         Ok(())

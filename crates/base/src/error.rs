@@ -110,6 +110,12 @@ impl Error {
         matches!(self.kind, BadInput | Unsupported | Limit | Io)
     }
 
+    /// True for an input that is not there.
+    pub fn is_missing(&self) -> bool {
+        let is_not_found = |source: &io::Error| source.kind() == io::ErrorKind::NotFound;
+        self.kind == ErrorKind::BadInput && self.source.as_ref().is_some_and(is_not_found)
+    }
+
     /// As it displays, without the failures that it stands for.
     pub fn summary(&self) -> String {
         let Self { kind, message, remedy, .. } = self;
@@ -142,6 +148,13 @@ impl Error {
     /// Shorthand for [`ErrorKind::BadInput`].
     pub fn bad_input(message: impl Into<String>) -> Self {
         Self::new(ErrorKind::BadInput, message)
+    }
+
+    /// [`ErrorKind::BadInput`] of a file that is not there.
+    pub fn missing(message: impl Into<String>) -> Self {
+        let mut error = Self::bad_input(message);
+        error.source = Some(io::ErrorKind::NotFound.into());
+        error
     }
 
     /// Shorthand for [`ErrorKind::Unsupported`].

@@ -145,7 +145,9 @@ impl Seek {
 /// The names of what was found at `place`; none is an error that says `nothing`.
 fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>> {
     if found.is_empty() {
-        return Err(Error::bad_input(nothing).in_file(place).remedy("check the name"));
+        let error =
+            if place.exists() { Error::bad_input(nothing) } else { Error::missing(nothing) };
+        return Err(error.in_file(place).remedy("check the name"));
     }
     found.into_iter().map(name_of).collect()
 }

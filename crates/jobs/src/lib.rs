@@ -47,6 +47,7 @@ mod workers;
 
 pub use terrane_base::Cancel;
 use terrane_cloud::PointSource;
+use terrane_files::{cores, physical_memory, proc_bytes};
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.
@@ -115,8 +116,7 @@ pub struct Resources {
 impl Default for Resources {
     /// All cores; half of the machine's memory or 4 GiB, whichever is less.
     fn default() -> Self {
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        Self { threads, memory: default_memory(), temp_dir: None }
+        Self { threads: cores(), memory: default_memory(), temp_dir: None }
     }
 }
 
@@ -126,19 +126,7 @@ fn default_memory() -> u64 {
     physical_memory().map_or(DEFAULT_MEMORY, |all| (all / 2).min(DEFAULT_MEMORY))
 }
 
-/// Bytes of memory of this machine, where the system tells.
-fn physical_memory() -> Option<u64> {
-    proc_kib("/proc/meminfo", "MemTotal:")
-}
-
 /// Largest resident memory of this process so far, in bytes, where the system tells.
 pub fn peak_memory() -> Option<u64> {
-    proc_kib("/proc/self/status", "VmHWM:")
-}
-
-fn proc_kib(file: &str, key: &str) -> Option<u64> {
-    let text = std::fs::read_to_string(file).ok()?;
-    let line = text.lines().find(|line| line.starts_with(key))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib * 1024)
+    proc_bytes("/proc/self/status", "VmHWM:")
 }

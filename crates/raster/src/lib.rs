@@ -66,6 +66,7 @@ mod spool;
 pub mod store;
 mod strided;
 mod synth;
+mod upright;
 mod usgs;
 mod water;
 mod window;
@@ -76,7 +77,6 @@ mod xyz;
 
 use std::fs::File;
 use std::io::Read;
-use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -93,6 +93,7 @@ use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::registry::Named;
 use terrane_files as file;
 use terrane_files::format::{Format, by_extension};
+pub use upright::Upright;
 pub use water::{Water, WaterFeatures, WaterReport};
 use window::Window;
 
@@ -306,7 +307,7 @@ pub struct OpenOptions {
 impl Default for OpenOptions {
     /// The first band, on all cores.
     fn default() -> Self {
-        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        let threads = terrane_files::cores();
         Self {
             band: 1,
             nodata: None,

@@ -17,6 +17,7 @@
 //! time.
 
 use super::Local;
+use super::drop::LOOK;
 use super::field::{Field, LEVELS};
 use super::greedy::Judge;
 use super::mesh::{Mesh, NONE, State, Tri};
@@ -133,6 +134,9 @@ impl Scratch {
     pub(super) fn sweep(&mut self, judge: &Judge<'_>, mesh: &Mesh, tolerance: f64) -> bool {
         let mut any = false;
         for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+            if half_edge.is_multiple_of(LOOK) && judge.field.is_stopped() {
+                return false;
+            }
             let at = judge.field.index(mesh.origin(half_edge));
             let is_open = |tri: &Tri| matches!(tri.state, State::Free | State::Outside);
             if !self.due.contains(at) || is_open(&mesh.tris[(half_edge >> 2) as usize]) {

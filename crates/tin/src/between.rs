@@ -43,7 +43,7 @@ pub(super) fn insert(
         for i in 0..rounds.over.len() {
             is_done &= !rounds.mend(mesh, rounds.over[i]);
         }
-        if is_done {
+        if is_done || crossings.is_stopped() {
             return;
         }
         fit(mesh);

@@ -47,6 +47,11 @@ impl<'a> Crossings<'a> {
         Self { field, tolerance, hair }
     }
 
+    /// True once the work is to stop.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.field.is_stopped()
+    }
+
     /// The crossing of the edge between `a` and `b` that is furthest off, if one is beyond the tolerance.
     /// All samples beside the edge must be valid. The same whichever end comes first; time linear in the
     /// length of the edge.

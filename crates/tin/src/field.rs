@@ -2,6 +2,7 @@
 
 use super::{Heights, Local};
 use std::cell::Cell;
+use terrane_base::cancel::Cancel;
 use terrane_base::geom::Rounding;
 
 /// Decimated copies: strides 1, 2, 4, ..., 2^(LEVELS - 1).
@@ -43,9 +44,24 @@ pub(super) struct Field {
     rounding: Option<Rounding>,
     /// Samples that scans leave out on the left, right, above and below (1 where the rim is fixed).
     margins: [u32; 4],
+    /// What stops the work on it early.
+    cancel: Cancel,
 }
 
 impl Field {
+    /// Lets `cancel` stop the work.
+    pub(super) fn stop_by(&mut self, cancel: &Cancel) {
+        self.cancel = cancel.clone();
+    }
+
+    /// True once the work is to stop: loops over triangles end then, and leave a mesh that is sound, but
+    /// not within the tolerance.
+    // Loops ask now and then: code that is rarely run is to stay out of them.
+    #[inline(never)]
+    pub(super) fn is_stopped(&self) -> bool {
+        self.cancel.is_set()
+    }
+
     /// Copies the `width` x `height` samples at (`col`, `row`) of `heights`.
     pub(super) fn load(
         &mut self,

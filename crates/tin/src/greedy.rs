@@ -97,6 +97,9 @@ pub(super) fn fit(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists, str
 /// Buckets of candidates; the last takes all larger errors, and all triangles at the start.
 const BUCKETS: usize = 64;
 
+/// Insertions between two looks at whether to stop: a millisecond or so.
+const ROUNDS: usize = 1024;
+
 /// Work lists, kept between tiles.
 #[derive(Debug, Default)]
 pub(super) struct WorkLists {
@@ -141,13 +144,16 @@ fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
     loop {
         while let Some(bucket) = lists.next_batch() {
             for i in 0..lists.batch.len() {
+                if i % ROUNDS == ROUNDS - 1 && judge.field.is_stopped() {
+                    return;
+                }
                 let id = lists.batch[i];
                 if let Some(at) = lists.due(judge, mesh, id, bucket) {
                     lists.insert(judge, mesh, id, at, bucket);
                 }
             }
         }
-        if !lists.refine(judge, mesh) {
+        if judge.field.is_stopped() || !lists.refine(judge, mesh) {
             return;
         }
     }

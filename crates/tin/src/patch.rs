@@ -39,7 +39,9 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     }
     let border = Border { field, input };
     let is_frozen = |tri: &Tri, edge| border.is_frozen(tri, edge);
-    let may = |mesh: &Mesh, holder, at| !changes_beside(mesh, holder, at, is_frozen);
+    let may = |mesh: &Mesh, holder, at| {
+        !field.is_stopped() && !changes_beside(mesh, holder, at, is_frozen)
+    };
     let mut settle = |mesh: &mut Mesh| {
         let judge = Judge::of_samples(field, *scan, spec.tolerance);
         bring_within(&judge, mesh, lists, rounds, spec);

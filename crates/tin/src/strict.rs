@@ -60,7 +60,8 @@ pub(super) fn insert(judge: &Judge<'_>, mesh: &mut Mesh) {
             heap.extend(candidate(judge, mesh, id, stamps[id as usize]));
         }
         star.clear();
-        let Some(entry) = heap.pop() else { return };
+        let entry = heap.pop().filter(|_| !judge.field.is_stopped());
+        let Some(entry) = entry else { return };
         if stamps[entry.id as usize] == entry.stamp {
             mesh.insert(entry.id, entry.at, &mut star);
         }

@@ -27,6 +27,7 @@ use super::{Local, Spec, Stretch, TileInput, TileMesh, Triangle, drop};
 use super::{adjust, angles};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
+use terrane_base::cancel::Cancel;
 
 /// A worker's buffers, reused from tile to tile.
 #[derive(Debug)]
@@ -59,6 +60,11 @@ impl Default for Scratch {
 }
 
 impl Scratch {
+    /// Lets `cancel` stop the work early. What is made then is of no use.
+    pub fn stop_by(&mut self, cancel: &Cancel) {
+        self.field.stop_by(cancel);
+    }
+
     /// Most bytes a worker needs for a tile of `cells` x `cells`, every sample kept, heights free or not: the heights,
     /// 2 triangles a sample of 32 bytes, the work lists, and the result.
     pub fn bytes(cells: u32, is_free: bool) -> u64 {
@@ -108,12 +114,15 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
         angles::insert(
             bound,
             mesh,
-            |_, _, _| true,
+            |_, _, _| !field.is_stopped(),
             |mesh| bring_within(&judge, mesh, lists, rounds, spec),
         );
     }
     if !input.lines.is_empty() {
         follow(scratch, spec, fixed, input.lines);
+    }
+    if scratch.field.is_stopped() {
+        return TileMesh::default();
     }
     finish(scratch, spec, &surface, ends)
 }
@@ -123,7 +132,8 @@ fn follow(scratch: &mut Scratch, spec: &Spec, mut fixed: Vec<Local>, lines: &[St
     let Scratch { field, mesh, lists, rounds, drop, edges, scan, .. } = scratch;
     let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
     let settle = |mesh: &mut Mesh| bring_within(&judge, mesh, lists, rounds, spec);
-    breaklines::follow((lines, field), mesh, edges, |_, _, _| true, settle);
+    let may = |_: &Mesh, _, _| !field.is_stopped();
+    breaklines::follow((lines, field), mesh, edges, may, settle);
     if !spec.drop {
         return;
     }

@@ -18,6 +18,7 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
             file,
             error.place(),
             error.remedy_text(),
+            error.is_missing(),
         ))
     };
     make().map_or_else(|failure| failure, PyErr::from_value)

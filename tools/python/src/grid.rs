@@ -213,11 +213,18 @@ impl Grid {
         told.set_item("height", info.height)?;
         told.set_item("place", info.georeferenced.then(|| info.transform.to_gdal()))?;
         told.set_item("crs", crs_text(&info.crs))?;
+        told.set_item("wkt", info.crs.to_wkt())?;
         told.set_item("type", info.sample_type.name())?;
         told.set_item("nodata", info.nodata)?;
         told.set_item("bands", info.bands)?;
         told.set_item("format", info.format)?;
         Ok(told)
+    }
+
+    /// What is odd about it, or easily overlooked: the kind of each note, and its text.
+    #[getter]
+    fn notes(&self) -> Vec<(&'static str, String)> {
+        self.0.notes().into_iter().map(|note| (note.kind, note.text)).collect()
     }
 
     /// All heights, row by row, NaN for voids.

@@ -94,9 +94,7 @@ pub(crate) fn simplify_places<'py>(
     }
     let (places, ends) = run(py, settings, |machine| {
         let how = How { tolerance, method, rings, cancel: &machine.cancel };
-        let threads = machine.threads.unwrap_or_else(|| {
-            std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
-        });
+        let threads = machine.threads.unwrap_or_else(terrane_files::cores);
         match width {
             2 => how.side_by_side(all.as_chunks::<2>().0, offsets, threads),
             _ => how.side_by_side(all.as_chunks::<3>().0, offsets, threads),

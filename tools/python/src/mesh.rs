@@ -78,6 +78,11 @@ impl Mesh {
         Ok(PyArray1::from_vec(py, heights))
     }
 
+    /// The bound that a file of it at `path` keeps.
+    fn tolerance_in(&self, py: Python<'_>, path: PathBuf) -> PyResult<f64> {
+        told(py, py.detach(|| self.tin.tolerance_in(path)))
+    }
+
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<u64> {
         let written = py.detach(|| match overwrite {
             true => self.tin.overwrite(path),
@@ -150,7 +155,7 @@ pub(crate) fn crs_text(crs: &Crs) -> Option<String> {
     match (crs.epsg, crs.vertical_epsg) {
         (Some(code), Some(vertical)) => Some(format!("EPSG:{code}+{vertical}")),
         (Some(code), None) => Some(format!("EPSG:{code}")),
-        (None, _) => crs.wkt.clone(),
+        (None, _) => crs.to_wkt(),
     }
 }
 

@@ -50,6 +50,45 @@ def test_an_interrupt_stops_work_and_leaves_nothing(tmp_path: Path, job: str) ->
     assert not list(tmp_path.iterdir())
 
 
+# Work that takes long for each tile, by everything that a mesh may have to keep to.
+LONG_TILES: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "large": {"tile": 2048},
+    "strict": {"tile": 1024, "strict": True},
+    "fit": {"tile": 1024, "fit": True},
+    "any": {"tile": 1024, "data_dependent": True},
+    "surface": {"tile": 1024, "bound": "surface"},
+    "angles": {"tile": 1024, "min_angle": 20.0},
+    "number": {"tile": 1024, "max_vertices": 2_000_000},
+}
+
+
+@pytest.fixture(scope="module")
+def wide() -> NDArray[np.float32]:
+    """More than two seconds of work, whatever is asked for."""
+    rng = np.random.default_rng(1)
+    heights = np.tile(rough(1024, 1024), (5, 5))
+    return heights + rng.normal(size=heights.shape).astype("f4")
+
+
+@pytest.mark.parametrize("kind", LONG_TILES)
+def test_an_interrupt_is_obeyed_within_a_tile(kind: str, wide: NDArray[np.float32]) -> None:
+    """Measured in time that this process works, as others may be at work beside it."""
+    at = [0.0]
+
+    def stop(*_: Any) -> None:
+        at[0] = time.process_time()
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGALRM, stop)
+    goal = {} if "max_vertices" in LONG_TILES[kind] else {"max_error": 0.5}
+    for delay in (0.5, 1.5):
+        signal.setitimer(signal.ITIMER_REAL, delay)
+        with pytest.raises(KeyboardInterrupt):
+            terrane.tin(wide, **goal, **LONG_TILES[kind], threads=1)
+        assert time.process_time() - at[0] < 0.2
+
+
 def test_other_threads_run_meanwhile() -> None:
     done, count = threading.Event(), 0
 

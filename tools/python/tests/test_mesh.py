@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import gc
 import pickle
+import warnings
 from pathlib import Path
 
 import meshio
@@ -14,6 +15,7 @@ import pyvista
 import rasterio
 import terrane
 import trimesh
+import xarray
 from matplotlib import pyplot
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 from numpy.typing import NDArray
@@ -65,7 +67,9 @@ def test_the_error_is_what_it_is(heights: NDArray[np.float32]) -> None:
 
 def test_heights_are_those_of_another_program(mesh: terrane.Mesh) -> None:
     west, south, east, north = mesh.bounds
-    x, y = np.random.default_rng(3).uniform((west - 5, south - 5), (east + 5, north + 5), (4000, 2)).T
+    x, y = (
+        np.random.default_rng(3).uniform((west - 5, south - 5), (east + 5, north + 5), (4000, 2)).T
+    )
     plan = Triangulation(mesh.vertices[:, 0], mesh.vertices[:, 1], mesh.triangles)
     other = LinearTriInterpolator(plan, mesh.vertices[:, 2])(x, y).filled(np.nan)
     ours = mesh.interpolate(x, y)
@@ -98,7 +102,68 @@ def test_samples_lie_in_the_middle_of_cells(tmp_path: Path, heights: NDArray[np.
     assert np.array_equal(sampled, mesh.sample_like((heights.shape, transform)), equal_nan=True)
 
 
-@pytest.mark.parametrize("ending", ["ply", "obj", "stl", "glb"])
+def test_samples_like_a_grid_that_lies_nowhere(
+    tmp_path: Path, heights: NDArray[np.float32]
+) -> None:
+    mesh = terrane.tin(heights, max_error=0.0)
+    profile = {"driver": "GTiff", "width": 150, "height": 120, "count": 1, "dtype": "float32"}
+    path = tmp_path / "like.tif"
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
+        with rasterio.open(path, "w", **profile) as dataset:
+            dataset.write(heights, 1)
+        with rasterio.open(path) as dataset:
+            sampled = [terrane.tin(dataset, max_error=0.0).sample_like(dataset)]
+        with rasterio.MemoryFile(path.read_bytes()) as memory, memory.open() as dataset:
+            sampled.append(terrane.tin(dataset, max_error=0.0).sample_like(dataset))
+    plain = xarray.DataArray(heights, dims=("y", "x"))
+    likes = [
+        plain,
+        plain.transpose("x", "y"),
+        plain.to_dataset(name="dem"),
+        heights,
+        (heights.shape, None),
+    ]
+    for found in (*sampled, *(mesh.sample_like(like) for like in likes)):
+        np.testing.assert_allclose(found, heights, atol=1e-3)
+    for wrong in (heights[0], 5, "like.tif", (3, 4)):
+        with pytest.raises(terrane.InputError, match="is no grid|is none"):
+            mesh.sample_like(wrong)
+
+
+@pytest.mark.parametrize("ending", ["stl", "glb", "3mf"])
+@pytest.mark.parametrize("crs", [None, "EPSG:32631", "EPSG:4326"])
+def test_formats_of_single_precision_hold_heights_of_any_type(
+    tmp_path: Path, heights: NDArray[np.float32], ending: str, crs: str | None
+) -> None:
+    """As `write_tin` does, but that heights are rounded once the mesh is made: the file states what holds of it."""
+    place = (1e-3, 0, 7, 0, -1e-3, 46) if crs == "EPSG:4326" else None
+    rng = np.random.default_rng(5)
+    for number, array in enumerate(
+        (
+            heights.astype("f8") + rng.uniform(0, 1e-3, heights.shape),
+            heights.astype("f8") + 5e6 + rng.uniform(0, 1e-3, heights.shape),
+            heights.round().astype("i8"),
+            heights.astype("f8"),
+        )
+    ):
+        options = {"crs": crs, "transform": place}
+        mesh = terrane.tin(array, max_error=5.0, **options)  # type: ignore[arg-type]
+        path = tmp_path / f"{number}.{ending}"
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            mesh.write(path)
+        is_exact = number >= 2
+        report = terrane.verify(path, array, **options)  # type: ignore[arg-type]
+        assert report.ok, report
+        stated = report.as_dict()["allowed"] if "allowed" in report.as_dict() else None
+        assert stated is None or stated == 5.0 or (not is_exact and 5.0 < stated < 5.5)
+        assert all("32 bits" in str(warning.message) for warning in told)
+        assert not (is_exact and crs != "EPSG:4326" and told)
+        terrane.write_tin(array, tmp_path / f"{number}-w.{ending}", 5.0, **options)  # type: ignore[arg-type]
+        assert terrane.verify(tmp_path / f"{number}-w.{ending}", array, **options).ok  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("ending", ["ply", "obj", "stl", "glb", "3mf"])
 def test_files(tmp_path: Path, heights: NDArray[np.float32], ending: str) -> None:
     mesh = terrane.tin(heights, max_error=5.0, crs="EPSG:32631")
     path = tmp_path / f"mesh.{ending}"
@@ -162,6 +227,19 @@ def test_the_same_whatever_the_threads(heights: NDArray[np.float32]) -> None:
     for mesh in meshes[1:]:
         assert np.array_equal(mesh.vertices, meshes[0].vertices)
         assert np.array_equal(mesh.triangles, meshes[0].triangles)
+
+
+def test_a_number_of_vertices_is_reached_alike_whatever_the_threads(
+    heights: NDArray[np.float32],
+) -> None:
+    for tile in (512, 32):
+        meshes = [
+            terrane.tin(heights, max_vertices=900, tile=tile, threads=threads)
+            for threads in (1, 2, 5)
+        ]
+        for mesh in meshes[1:]:
+            assert mesh.tolerance == meshes[0].tolerance
+            assert np.array_equal(mesh.vertices, meshes[0].vertices)
 
 
 OPTIONS = [

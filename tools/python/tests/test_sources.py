@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -119,9 +120,7 @@ def test_files_and_datasets(tmp_path: Path, heights: NDArray[np.float32]) -> Non
             assert made.crs == "EPSG:32631"
 
 
-def test_datasets_with_nodata_scale_and_bands(
-    tmp_path: Path, heights: NDArray[np.float32]
-) -> None:
+def test_datasets_with_nodata_scale_and_bands(tmp_path: Path, heights: NDArray[np.float32]) -> None:
     whole = heights.round().astype("i2")
     whole[10:20, 10:30] = -1
     path = tmp_path / "dem.tif"
@@ -158,9 +157,79 @@ def test_data_arrays(tmp_path: Path, heights: NDArray[np.float32]) -> None:
         terrane.tin(uneven, max_error=5.0)
 
 
-def test_overviews_of_files_are_what_they_are(
+def test_a_picture_is_no_grid_of_heights_unless_a_band_is_chosen(
     tmp_path: Path, heights: NDArray[np.float32]
 ) -> None:
+    colours = np.stack([(heights - heights.min()).clip(0, 250).astype("u1")] * 3)
+    path = tmp_path / "photo.tif"
+    profile = {"driver": "GTiff", "height": 120, "width": 150, "count": 3, "dtype": "uint8"}
+    with rasterio.open(path, "w", **profile, photometric="RGB", transform=UPRIGHT) as dataset:
+        dataset.write(colours)
+    expected = terrane.tin(colours[1], max_error=5.0, transform=UPRIGHT)
+    with (
+        MemoryFile(path.read_bytes()) as memory,
+        memory.open() as within,
+        rasterio.open(path) as dataset,
+    ):
+        for src in (within, dataset):
+            with pytest.raises(
+                terrane.InputError, match="a picture, its bands are red, green, blue"
+            ):
+                terrane.tin(src, max_error=5.0)
+            assert same(expected, terrane.tin(src, max_error=5.0, band=2))
+    with pytest.warns(UserWarning, match="the file has 3 bands; band 1 is read"):
+        terrane.tin(path, max_error=5.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert same(expected, terrane.tin(path, max_error=5.0, band=2))
+
+
+def test_a_dataset_of_xarray_is_its_grid(tmp_path: Path, heights: NDArray[np.float32]) -> None:
+    path = tiff(tmp_path / "dem.tif", heights, UPRIGHT)
+    expected = terrane.tin(path, max_error=5.0)
+    with rioxarray.open_rasterio(path, band_as_variable=True) as opened:
+        assert isinstance(opened, xarray.Dataset)
+        assert same(expected, terrane.tin(opened, max_error=5.0))
+    with rioxarray.open_rasterio(path, masked=True) as opened:
+        assert isinstance(opened, xarray.DataArray)
+        saved = opened.squeeze(drop=True).rename("dem").to_dataset()
+        saved.to_netcdf(tmp_path / "dem.nc")
+        for options in ({}, {"decode_coords": "all"}):
+            with xarray.open_dataset(tmp_path / "dem.nc", **options) as again:
+                assert same(expected, terrane.tin(again, max_error=5.0))
+                assert terrane.tin(again, max_error=5.0).crs == "EPSG:32631"
+                assert terrane.tin(again["dem"], max_error=5.0).crs == (
+                    "EPSG:32631" if options else None
+                )
+
+
+def test_a_grid_without_a_height_is_refused_and_is_not_missing(tmp_path: Path) -> None:
+    void = np.full((6, 7), np.nan, "f4")
+    path = tiff(tmp_path / "void.tif", void, UPRIGHT)
+    lonely = void.copy()
+    lonely[2, 3] = 5
+    masked = np.ma.masked_all((6, 7), "f4")
+    for src, told in (
+        (void, "the grid has no valid sample"),
+        (masked, "the grid has no valid sample"),
+        (np.zeros((6, 7), "i2"), "the grid has no valid sample"),
+        (xarray.DataArray(void, dims=("y", "x")), "the grid has no valid sample"),
+        (path, "the grid has no valid sample"),
+        (lonely, "no cell with four valid samples"),
+    ):
+        with pytest.raises(terrane.InputError, match=told) as caught:
+            terrane.tin(
+                src, max_error=1.0, nodata=0 if getattr(src, "dtype", None) == "i2" else None
+            )
+        assert not isinstance(caught.value, FileNotFoundError)
+    for src in ("none.tif", tmp_path / "none" / "dem.tif", str(tmp_path / "none*.tif"), ["a.tif"]):
+        with pytest.raises(FileNotFoundError):
+            terrane.tin(src, max_error=1.0)
+    with pytest.raises(FileNotFoundError):
+        terrane.tin(path, max_error=1.0, clip="none.shp")
+
+
+def test_overviews_of_files_are_what_they_are(tmp_path: Path, heights: NDArray[np.float32]) -> None:
     path = tiff(tmp_path / "dem.tif", np.tile(heights, (4, 4)))
     with rasterio.open(path, "r+") as dataset:
         dataset.build_overviews([2], rasterio.enums.Resampling.nearest)

@@ -100,7 +100,9 @@ pub fn kind(folder: &Path) -> Result<Kind> {
 fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
-        return Err(Error::bad_input("holds no plan").in_file(folder).remedy(
+        let told = "holds no plan";
+        let error = if folder.exists() { Error::bad_input(told) } else { Error::missing(told) };
+        return Err(error.in_file(folder).remedy(
             "make one: terrane plan tin GRID... or CLOUD..., plan tiles GRID..., plan grid CLOUD... or plan points CLOUD..., -o FOLDER",
         ));
     }

@@ -14,7 +14,7 @@ use crate::memory::{self, Shares};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_mesh::{MeshHeader, MeshSink};
-use terrane_raster::{GridSource, Inputs, OpenOptions};
+use terrane_raster::{GridSource, Inputs, OpenOptions, Upright};
 use terrane_tin::Spec;
 
 /// A mesh to make of a grid that is open.
@@ -63,6 +63,7 @@ pub fn build(
     cancel: &Cancel,
 ) -> Result<Built> {
     job.goal.check()?;
+    let source = &Upright::new(source);
     let info = source.info();
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
     let features = job.refinement.features(None, job.resources)?;

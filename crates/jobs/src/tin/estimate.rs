@@ -3,11 +3,13 @@
 //! 256 tiles of 128 cells in 16 bands at most are made, which say more than a few large ones do of a grid
 //! of land and sea, and their standard error is added on top.
 
+use std::collections::HashMap;
+
 use super::budget::Trial;
 use super::layout::{Layout, TileId};
 use super::window::Window;
 use super::worker::tile_input;
-use crate::Cancel;
+use crate::{Cancel, workers};
 use terrane_base::error::Result;
 use terrane_raster::GridSource;
 use terrane_tin::{Scratch, Spec, TileMesh, triangulate_tile};
@@ -47,35 +49,42 @@ impl Size {
     }
 }
 
-/// Triangulates the same few tiles at any tolerance.
+/// Triangulates the same few tiles at any tolerance, each at once on one of several threads.
 pub(super) struct Estimator<'a> {
     source: &'a dyn GridSource,
     layout: Layout,
+    threads: usize,
     cancel: &'a Cancel,
     tiles: Vec<TileId>,
-    window: Window,
-    scratch: Scratch,
+    /// What was found: a search comes back to the same tolerances again and again.
+    known: HashMap<u64, Vec<(u64, Size)>>,
+    /// Highest minus lowest height.
+    relief: Option<f64>,
 }
 
 impl<'a> Estimator<'a> {
     /// Chooses the tiles.
-    pub(super) fn new(source: &'a dyn GridSource, layout: Layout, cancel: &'a Cancel) -> Self {
+    pub(super) fn new(
+        source: &'a dyn GridSource,
+        layout: Layout,
+        threads: usize,
+        cancel: &'a Cancel,
+    ) -> Self {
         let tiles = spread(&layout, (layout.tiles() / ONE_IN).clamp(1, MOST_TILES));
-        let (window, scratch) = (Window::default(), Scratch::default());
-        Self { source, layout, cancel, tiles, window, scratch }
+        Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None }
     }
 
     /// Chooses smaller tiles, and more of them, in a few bands: those of a band are read together.
     pub(super) fn thorough(
         source: &'a dyn GridSource,
         layout: Layout,
+        threads: usize,
         cancel: &'a Cancel,
     ) -> Result<Self> {
         let layout = layout.finer(FINE)?;
         let [least, most] = FINE_TILES;
         let tiles = banded(&layout, (layout.tiles() / FINE_ONE_IN).clamp(least, most));
-        let (window, scratch) = (Window::default(), Scratch::default());
-        Ok(Self { source, layout, cancel, tiles, window, scratch })
+        Ok(Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None })
     }
 
     /// The estimated size of the whole mesh.
@@ -108,12 +117,48 @@ impl<'a> Estimator<'a> {
     }
 
     fn sizes(&mut self, spec: &Spec) -> Result<Vec<(u64, Size)>> {
-        (0..self.tiles.len()).map(|i| self.size_of(self.tiles[i], spec)).collect()
+        self.look(spec, &[spec.tolerance])?;
+        Ok(self.known.get(&spec.tolerance.to_bits()).cloned().unwrap_or_default())
+    }
+
+    /// Makes meshes of the tiles at those of some tolerances that are not known yet.
+    fn look(&mut self, spec: &Spec, tolerances: &[f64]) -> Result<()> {
+        let is_new = |tolerance: &&f64| !self.known.contains_key(&tolerance.to_bits());
+        let new: Vec<f64> = tolerances.iter().filter(is_new).copied().collect();
+        let (count, mut made) = (self.tiles.len() as u64, Vec::new());
+        let this = &*self;
+        let size = |state: &mut (Window, Scratch), unit: u64| {
+            let spec = Spec { tolerance: new[(unit / count) as usize], ..*spec };
+            this.size_of(this.tiles[(unit % count) as usize], &spec, state)
+        };
+        let units = count * new.len() as u64;
+        let threads = self.threads.min(usize::try_from(units).unwrap_or(usize::MAX));
+        let start = || this.state();
+        workers::in_order(threads, units, self.cancel, start, size, |size| {
+            made.push(size);
+            Ok(())
+        })?;
+        for (tolerance, sizes) in new.iter().zip(made.chunks(count.max(1) as usize)) {
+            self.known.insert(tolerance.to_bits(), sizes.to_vec());
+        }
+        Ok(())
+    }
+
+    /// Buffers of a thread.
+    fn state(&self) -> (Window, Scratch) {
+        let mut scratch = Scratch::default();
+        scratch.stop_by(self.cancel);
+        (Window::default(), scratch)
     }
 
     /// Samples of a tile, and what a mesh of it keeps.
-    fn size_of(&mut self, tile: TileId, spec: &Spec) -> Result<(u64, Size)> {
-        let mesh = self.triangulate(tile, spec)?;
+    fn size_of(
+        &self,
+        tile: TileId,
+        spec: &Spec,
+        state: &mut (Window, Scratch),
+    ) -> Result<(u64, Size)> {
+        let mesh = self.triangulate(tile, spec, state)?;
         let owned = self.layout.owned(tile);
         let is_owned = |at: &&terrane_tin::Local| at.col() < owned.width && at.row() < owned.height;
         let vertices = mesh.vertices.iter().filter(is_owned).count() as u64;
@@ -139,6 +184,10 @@ impl<'a> Estimator<'a> {
         let (mut low, mut high) = ((relief * 1e-6).ln(), relief.ln());
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(low, high);
+            // Small tolerances take longest and come first: where a thread is free it looks at what is next then.
+            let next = f64::midpoint(middle, high);
+            let is_free = self.threads > self.tiles.len();
+            self.look(spec, &[middle.exp(), next.exp()][..1 + usize::from(is_free)])?;
             let size = self.size(&Spec { tolerance: middle.exp(), ..*spec })?;
             if count(size) as f64 > budget { low = middle } else { high = middle }
         }
@@ -147,22 +196,34 @@ impl<'a> Estimator<'a> {
 
     /// Highest minus lowest height of the sampled tiles; 1 when they are flat or void.
     fn relief(&mut self) -> Result<f64> {
+        if let Some(relief) = self.relief {
+            return Ok(relief);
+        }
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        let mut window = Window::default();
         for &tile in &self.tiles {
-            self.window.read(self.source, self.layout.rect(tile))?;
-            let heights = self.window.heights().f32;
+            window.read(self.source, self.layout.rect(tile))?;
+            let heights = window.heights().f32;
             low = heights.iter().copied().fold(low, f32::min);
             high = heights.iter().copied().fold(high, f32::max);
         }
         let relief = f64::from(high) - f64::from(low);
-        Ok(if relief > 0.0 && relief.is_finite() { relief } else { 1.0 })
+        let relief = if relief > 0.0 && relief.is_finite() { relief } else { 1.0 };
+        Ok(*self.relief.insert(relief))
     }
 
-    fn triangulate(&mut self, tile: TileId, spec: &Spec) -> Result<TileMesh> {
+    fn triangulate(
+        &self,
+        tile: TileId,
+        spec: &Spec,
+        (window, scratch): &mut (Window, Scratch),
+    ) -> Result<TileMesh> {
         self.cancel.check()?;
-        self.window.read(self.source, self.layout.apron(tile))?;
-        let input = tile_input(&self.layout, tile, self.window.heights(), (&[], &[]));
-        Ok(triangulate_tile(&input, spec, &mut self.scratch))
+        window.read(self.source, self.layout.apron(tile))?;
+        let input = tile_input(&self.layout, tile, window.heights(), (&[], &[]));
+        let mesh = triangulate_tile(&input, spec, scratch);
+        self.cancel.check()?;
+        Ok(mesh)
     }
 }
 

@@ -25,11 +25,11 @@ pub(super) fn height_origin(source: &dyn GridSource) -> Result<f64> {
         low = low.min(height[0]);
         high = high.max(height[0]);
     }
-    Ok(between(low, high))
+    Ok(height_origin_of(low, high))
 }
 
-/// The middle, rounded to few digits.
-fn between(low: f64, high: f64) -> f64 {
+/// A short number near heights from `low` to `high`, where they are so far from 0 that `f32` would move them; else 0.
+pub fn height_origin_of(low: f64, high: f64) -> f64 {
     let (middle, spread) = (f64::midpoint(low, high), high - low);
     if !middle.is_finite() || middle.abs() < NEAR_ENOUGH || middle.abs() < 2.0 * spread {
         return 0.0;
@@ -45,10 +45,10 @@ mod tests {
     #[test]
     fn an_origin_is_chosen_far_from_zero_only() {
         for (low, high) in [(0.0, 9000.0), (-20_000.0, 20_000.0), (f64::INFINITY, -f64::INFINITY)] {
-            assert_eq!(between(low, high), 0.0);
+            assert_eq!(height_origin_of(low, high), 0.0);
         }
         for middle in [2e7, -1e9, 20_000.0] {
-            let origin = between(middle - 3.0, middle + 3.0);
+            let origin = height_origin_of(middle - 3.0, middle + 3.0);
             assert!((origin - middle).abs() <= middle.abs() / 8192.0, "{origin}");
             assert!(origin.to_string().len() < 12, "{origin}");
         }

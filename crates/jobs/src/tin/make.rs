@@ -33,7 +33,7 @@ use terrane_mesh::{
 };
 use terrane_methods::Triangulation;
 use terrane_raster::{
-    self as raster, GridInfo, GridSource, Inputs, OpenOptions, Water, WaterReport,
+    self as raster, GridInfo, GridSource, Inputs, OpenOptions, Upright, Water, WaterReport,
 };
 use terrane_tin::Spec;
 
@@ -181,9 +181,12 @@ pub(super) fn open_tiled(
     worker: impl Fn(u32) -> u64,
     resources: &Resources,
 ) -> Result<memory::Opened> {
-    let open = |tile| memory::open(input, options, resources, worker(tile));
+    let open = |tile| {
+        let (source, shares) = memory::open(input, options, resources, worker(tile))?;
+        Ok((Box::new(Upright::new(source)) as Box<dyn GridSource>, shares))
+    };
     let tile = checked_tile(tile)?;
-    open(tile).or_else(|error| {
+    open(tile).or_else(|error: Error| {
         let too_large = |_: &Error| {
             let source = memory::look_at(input, options).ok()?;
             let GridInfo { width, height, .. } = *source.info();
@@ -490,6 +493,17 @@ const MAX_ERROR: &str = "max error ";
 /// The comment of a mesh that promises no Delaunay triangles, but those of a name.
 pub(super) fn triangulation(name: &str) -> String {
     format!("triangulation {name}")
+}
+
+/// Makes a header state another tolerance.
+pub fn restate(header: &mut MeshHeader, tolerance: f64) {
+    let stated = |comment: &String| comment.strip_prefix(MAX_ERROR).map(str::to_owned);
+    for comment in &mut header.comments {
+        if let Some(old) = stated(comment) {
+            let unit = old.split_once(' ').map(|(_, unit)| format!(" {unit}")).unwrap_or_default();
+            *comment = format!("{MAX_ERROR}{tolerance}{unit}");
+        }
+    }
 }
 
 /// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.

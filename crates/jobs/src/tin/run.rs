@@ -187,11 +187,17 @@ impl<'a> Shared<'a> {
 
 /// Carries out all tasks; what they send goes to `collector`.
 fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
-    if shared.settings.threads > 1 {
+    if threads_for(shared) > 1 {
         run_threads(shared, collector)
     } else {
         Worker::new(shared, Outlet { collector, writer: None }).run()
     }
+}
+
+/// Threads that have something to do.
+fn threads_for(shared: &Shared<'_>) -> usize {
+    let tiles = usize::try_from(shared.layout.tiles()).unwrap_or(usize::MAX);
+    shared.settings.threads.min(tiles)
 }
 
 fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<Outcome> {
@@ -204,7 +210,7 @@ fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<Outcome> {
 const WAITING_PARTS: usize = 4;
 
 fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
-    let threads = shared.settings.threads;
+    let threads = threads_for(shared);
     std::thread::scope(|scope| {
         let (sender, receiver) = bounded(WAITING_PARTS * threads);
         let writing = spawn(scope, move || write_parts(shared, collector, &receiver));

@@ -42,7 +42,7 @@ impl Seeker<'_> {
     }
 
     fn estimator(&self) -> Estimator<'_> {
-        Estimator::new(self.source, self.layout, self.settings.cancel)
+        Estimator::new(self.source, self.layout, self.settings.threads, self.settings.cancel)
     }
 
     fn spec(&self, tolerance: f64) -> Spec {

@@ -94,11 +94,13 @@ pub(super) struct Worker<'a> {
 
 impl<'a> Worker<'a> {
     pub(super) fn new(job: &'a Shared<'a>, outlet: Outlet<'a>) -> Self {
+        let mut scratch = Scratch::default();
+        scratch.stop_by(job.settings.cancel);
         Self {
             job,
             outlet,
             window: Window::default(),
-            scratch: Scratch::default(),
+            scratch,
             triangles: Vec::new(),
             vertices: Vec::new(),
             kept: Vec::new(),
@@ -161,6 +163,7 @@ impl<'a> Worker<'a> {
         let input = tile_input(layout, tile, self.window.heights(), kept);
         let input = TileInput { spacing: self.spacing(), ..input };
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
+        self.job.settings.cancel.check()?;
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
         let odd_range = self.window.odd_range();
         let tally = Tally { suspects, odd_range, ..Tally::default() };
@@ -204,6 +207,7 @@ impl<'a> Worker<'a> {
             self.read(rect)?;
             self.look_up_heights(rect)?;
             let patch = self.mend_rect(seam, tile, zone.limits(), rect);
+            self.job.settings.cancel.check()?;
             let frontier = self.frontier(&patch, rect, &zone)?;
             let is_done = seam != Seam::Corner || patch.left.is_empty();
             if is_widest && !is_done {
@@ -333,6 +337,7 @@ impl<'a> Worker<'a> {
         let _room = self.job.store.reserve(2 * bytes, tile)?;
         let triangles = self.job.store.with(tile, |kept| kept.within(tile, &layout))?;
         let patch = self.patch(self.job.kernel.reduce, rect, &triangles, [None; 2]);
+        self.job.settings.cancel.check()?;
         let PatchMesh { triangles, vertices, heights, .. } = &patch;
         let piece = Piece { rect, triangles, vertices, heights };
         self.job.store.with(tile, |kept| kept.replace_within(piece, tile, &layout))?;

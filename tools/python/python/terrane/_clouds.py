@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -11,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrane import _terrane
+from terrane import _beside, _terrane
 from terrane._errors import refuse_existing, usage
 from terrane._mesh import Mesh
+from terrane._numbers import needed, number, numbers
 from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
 from terrane._tin import Report
@@ -47,13 +49,13 @@ def cloud_of(
 ) -> _terrane.Cloud:
     """The cloud that `points` stands for, and what is wanted of it."""
     wanted = {
-        "classes": None if classes is None else [int(number) for number in classes],
+        "classes": numbers("classes", classes),
         "returns": None if returns is None else str(returns),
         "keep_withheld": keep_withheld,
-        "bounds": None if bounds is None else [float(side) for side in bounds],
-        "z_range": None if z_range is None else [float(end) for end in z_range],
+        "bounds": numbers("bounds", bounds, 4),
+        "z_range": finite(numbers("z_range", z_range, 2)),
         "where": where,
-        "every": every,
+        "every": number("every", every),
         "salvage": salvage,
     }
     names = names_of(points)
@@ -63,8 +65,14 @@ def cloud_of(
         return _terrane.Cloud.open(names, wanted)
     positions, marks, own = columns(points)
     text = crs_text(own if crs is None else crs)
-    classed, numbers, counts, flags = (marks.get(name) for name in (*MARKS, "flags"))
-    return _terrane.Cloud.array(positions, classed, numbers, counts, flags, text, wanted)
+    classed, nth, counts, flags = (marks.get(name) for name in (*MARKS, "flags"))
+    return _terrane.Cloud.array(positions, classed, nth, counts, flags, text, wanted)
+
+
+def finite(ends: list[float] | None) -> list[float] | None:
+    """The ends of a range, those that are infinite as far off as numbers go: plans cannot say more."""
+    most = sys.float_info.max
+    return None if ends is None else [max(-most, min(end, most)) for end in ends]
 
 
 def columns(points: Any) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint8]], Any]:
@@ -133,8 +141,8 @@ class GridResult:
         self._path = os.path.join(folder.name, "grid.tif")
         self.names: list[str] = [band["name"] for band in report["bands"]]
         bands = []
-        for number in range(1, len(self.names) + 1):
-            reading = {"band": number, "nodata": None, "clip": None, "water": None}
+        for place in range(1, len(self.names) + 1):
+            reading = {"band": place, "nodata": None, "clip": None, "water": None}
             band = _terrane.Grid.open([self._path], reading)
             info = band.info
             bands.append(band.heights().reshape(info["height"], info["width"]))
@@ -142,6 +150,7 @@ class GridResult:
         x, a, b, y, d, e = info["place"]
         self.transform: tuple[float, ...] = (a, b, x, d, e, y)
         self.crs: str | None = info["crs"]
+        self._wkt: str | None = info["wkt"]
 
     def write(self, path: Path, overwrite: bool = False) -> None:
         """Writes it into a file, whole or not at all: all bands as a GeoTIFF; one in any format that
@@ -164,22 +173,24 @@ class GridResult:
                 os.unlink(new)
 
     def to_xarray(self) -> Any:
-        """The same as an `xarray.DataArray` with band, y and x, and with transform and system where the rio accessor is
-        there."""
+        """The same as an `xarray.DataArray` with band, y and x, its transform and its reference system in the coordinate
+        `spatial_ref`, as CF and rioxarray have it."""
         import xarray
 
         a, b, x, d, e, y = self.transform
         if b or d:
             raise usage("a grid that is turned has no coordinates of columns and rows")
         _, rows, cols = self.data.shape
+        system = {} if self._wkt is None else {"crs_wkt": self._wkt, "spatial_ref": self._wkt}
+        place = {"GeoTransform": " ".join(map(repr, (x, a, b, y, d, e)))}
         coords = {
             "band": self.names,
             "y": y + e * (np.arange(rows) + 0.5),
             "x": x + a * (np.arange(cols) + 0.5),
+            "spatial_ref": ((), 0, {**system, **place}),
         }
         array = xarray.DataArray(self.data, dims=("band", "y", "x"), coords=coords)
-        if hasattr(array, "rio") and self.crs is not None:
-            array = array.rio.write_crs(self.crs)
+        array.encoding["grid_mapping"] = "spatial_ref"
         return array
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -221,21 +232,21 @@ def asked_of(
     radius: float | None = None,
     max_edge: float | None = None,
     fill: int = 0,
-    water: Path | None = None,
+    water: str | None = None,
     canopy: str | None = None,
     format: str | None = None,
 ) -> dict[str, Any]:
     """What a grid is to be, as the library takes it."""
     return {
-        "cell": None if cell is None else float(cell),
+        "cell": number("cell", cell),
         "stats": stat if stat is None or isinstance(stat, str) else ",".join(stat),
         "model": model,
-        "bounds": None if bounds is None else [float(side) for side in bounds],
+        "bounds": numbers("bounds", bounds, 4),
         "like": None if like is None else os.fspath(like),
-        "radius": radius,
-        "max_edge": max_edge,
-        "fill": fill,
-        "water": None if water is None else os.fspath(water),
+        "radius": number("radius", radius),
+        "max_edge": number("max_edge", max_edge),
+        "fill": number("fill", fill),
+        "water": water,
         "canopy": canopy,
         "format": format,
         "creation": [],
@@ -321,19 +332,21 @@ def model(points: Any, name: str, cell: float | None, options: dict[str, Any]) -
     """A model of the terrain."""
     crs, salvage = options.pop("crs", None), options.pop("salvage", False)
     where = options.pop("where", None)
-    run = settings(*(options.pop(name, None) for name in ("threads", "memory", "progress")))
+    run = settings(*(options.pop(other, None) for other in ("threads", "memory", "progress")))
     known = {"bounds", "like", "radius", "max_edge", "fill", "water", "canopy"}
     unknown = sorted(options.keys() - known)
     if unknown:
         raise TypeError(f"{name}() got an unexpected keyword argument {unknown[0]!r}")
-    asked = asked_of(cell, model=name, **options)
-    return made(cloud_of(points, crs=crs, where=where, salvage=salvage), asked, run)
+    cloud = cloud_of(points, crs=crs, where=where, salvage=salvage)
+    with _beside.files(lambda: cloud.info["crs"], water=options.pop("water", None)) as files:
+        return made(cloud, asked_of(cell, model=name, water=files["water"], **options), run)
 
 
 def dtm(points: Any, cell: float | None = 1.0, **options: Any) -> GridResult:
     """A model of the ground, of one band: triangulated from points of class 2, or from those that a filter finds. Points
     and options are as for `grid` (crs, where, salvage, bounds, like, radius, max_edge, fill, threads, memory, progress), and
-    `water` names a file of water to make level. Without a `cell` (None) cells are about as wide as points are apart.
+    `water` is water to make level: a file, or geometries, as `tin` takes them. Without a `cell` (None) cells are about as
+    wide as points are apart.
 
     >>> import terrane
     >>> ground = terrane.dtm("synth:cloud,size=60,density=2,seed=5", cell=2.0)
@@ -394,7 +407,8 @@ def write_cloud_tin(
     """
     refuse_existing(os.fspath(path), overwrite)
     cloud = cloud_of(points, crs=crs, classes=classes, where=where)
-    return cloud.write_tin(os.fspath(path), max_error, overwrite, settings(threads, memory, progress))
+    error = needed("max_error", max_error)
+    return cloud.write_tin(os.fspath(path), error, overwrite, settings(threads, memory, progress))
 
 
 def verify_cloud(
@@ -413,4 +427,5 @@ def verify_cloud(
     if isinstance(mesh, Mesh):
         raise usage("a mesh in memory is one of a grid", "pass the path of a mesh of points")
     cloud = cloud_of(points, crs=crs, classes=classes, where=where)
-    return Report(cloud.verify(os.fspath(mesh), max_error, settings(threads, memory, progress)))
+    error = number("max_error", max_error)
+    return Report(cloud.verify(os.fspath(mesh), error, settings(threads, memory, progress)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import sys
+import warnings
 
 # An option of the command line, not a part of a name.
 OPTION = re.compile(r"(?<![\w/.-])--([a-z]+(?:-[a-z]+)*)")
@@ -40,6 +42,12 @@ class Error(Exception):
 
     def __str__(self) -> str:
         return self.message
+
+    def about(self, path: str, name: str) -> Error:
+        """The same error, with `name` in place of the path of a temporary file."""
+        texts = [self.message, self.file, self.place, self.remedy]
+        message, file, place, remedy = (text and text.replace(path, name) for text in texts)
+        return type(self)(message or "", self.kind, file, place, remedy)
 
     def __reduce__(self) -> tuple[type[Error], tuple[str | None, ...]]:
         return type(self), (self.message, self.kind, self.file, self.place, self.remedy)
@@ -86,10 +94,14 @@ CLASSES: dict[str, type[Error]] = {
 
 
 def make(
-    kind: str, message: str, file: str | None, place: str | None, remedy: str | None
+    kind: str,
+    message: str,
+    file: str | None,
+    place: str | None,
+    remedy: str | None,
+    is_missing: bool,
 ) -> Error:
     """The exception for an error of the library."""
-    is_missing = kind == "bad_input" and file is not None and not os.path.lexists(file)
     cls = MissingFileError if is_missing else CLASSES.get(kind, Error)
     remedy = None if remedy is None else in_python(remedy)
     return cls(in_python(message), kind, file, place, remedy)
@@ -112,3 +124,17 @@ def usage(message: str, remedy: str | None = None) -> Error:
     """The error of an option or argument that makes no sense."""
     told = message if remedy is None else f"{message}; {remedy}"
     return InputError(told, "usage", remedy=remedy)
+
+
+def warn(text: str) -> None:
+    """Warns the code that called this package."""
+    names, frame = [], sys._getframe()
+    while frame.f_back is not None:
+        names.append(frame.f_code.co_filename)
+        frame = frame.f_back
+    # Frames of other modules may lie between those of this package.
+    ours = [level for level, name in enumerate(names) if name.startswith(FOLDER)]
+    warnings.warn(in_python(text), stacklevel=ours[-1] + 2)
+
+
+FOLDER = os.path.dirname(__file__) + os.sep

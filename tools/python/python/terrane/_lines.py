@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from terrane import _terrane
 from terrane._errors import refuse_existing, usage
-from terrane._settings import Path, settings, system
-from terrane._source import crs_text, grid_of
+from terrane._numbers import needed, number, numbers
+from terrane._settings import Features, Path, settings, system
+from terrane._source import crs_text, opened
 
 METRICS = ("plane", "space", "metres")
 
@@ -70,7 +71,7 @@ def contour(
     nodata: float | None = None,
     transform: Any = None,
     crs: Any = None,
-    clip: Path | None = None,
+    clip: Features | None = None,
     to_crs: Any = None,
     shift_grid: Path | None = None,
     output: Path | None = None,
@@ -95,17 +96,24 @@ def contour(
     """
     if (interval is None) == (levels is None):
         raise usage("lines are at an interval or at levels", "pass one of them")
-    at = None if levels is None else [float(level) for level in np.ravel(levels)]
-    grid = grid_of(src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip)
+    asked = (
+        number("interval", interval),
+        numbers("levels", levels),
+        number("tolerance", tolerance),
+    )
     run = settings(threads, memory, progress)
     target = system(to_crs, shift_grid)
     if output is not None:
-        name = os.fspath(output)
-        refuse_existing(name, overwrite)
-        return grid.contours(name, interval, at, tolerance, False, None, target, overwrite, run)
-    with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+        refuse_existing(os.fspath(output), overwrite)
+    with (
+        opened(src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip) as (grid, _),
+        tempfile.TemporaryDirectory(prefix="terrane-") as folder,
+    ):
+        if output is not None:
+            name = os.fspath(output)
+            return grid.contours(name, *asked, False, None, target, overwrite, run)
         path = os.path.join(folder, "lines.fgb")
-        grid.contours(path, interval, at, tolerance, False, None, target, False, run)
+        grid.contours(path, *asked, False, None, target, False, run)
         coordinates, offsets, values, found = _terrane.read_lines(path, "elev")
     order = np.lexsort((np.arange(len(values)), values))
     if not np.array_equal(order, np.arange(len(order))):
@@ -174,6 +182,7 @@ def simplify(
     """
     if metric not in METRICS:
         raise usage(f"there is no metric {metric!r}", f"choose one of {', '.join(METRICS)}")
+    tolerance = needed("tolerance", tolerance)
     by_file = topology or metric == "metres"
     run = settings(threads, memory, progress)
     plain = isinstance(geometry, np.ndarray) and geometry.dtype.kind in "fiu"
@@ -184,7 +193,9 @@ def simplify(
     if rings:
         raise usage("geometries say themselves whether they are rings", "leave rings out")
     if topology and metric == "space":
-        raise usage("what crosses what is seen in the plane", 'leave metric="space" or topology out')
+        raise usage(
+            "what crosses what is seen in the plane", 'leave metric="space" or topology out'
+        )
     import shapely
 
     if hasattr(geometry, "geometry") and hasattr(geometry, "set_geometry"):
@@ -199,7 +210,11 @@ def simplify(
     if hasattr(geometry, "__arrow_c_stream__") or hasattr(geometry, "__arrow_c_array__"):
         import geopandas
 
-        cls = geopandas.GeoSeries if hasattr(geometry, "__arrow_c_array__") else geopandas.GeoDataFrame
+        cls = (
+            geopandas.GeoSeries
+            if hasattr(geometry, "__arrow_c_array__")
+            else geopandas.GeoDataFrame
+        )
         return simplify(
             cls.from_arrow(geometry),
             tolerance,

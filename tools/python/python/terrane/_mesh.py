@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrane import _picture, _terrane
-from terrane._errors import refuse_existing, usage
+from terrane._errors import refuse_existing, warn
 from terrane._settings import Path
-from terrane._source import is_data_array, place_of
+from terrane._source import lattice_of
 
 
 class Mesh:
@@ -89,25 +89,27 @@ class Mesh:
 
     def sample_like(self, like: Any) -> NDArray[np.float64]:
         """Heights at the centres of the cells of another grid, (rows, columns), NaN where there are none. `like` is
-        a dataset of rasterio, a DataArray of xarray with the rio accessor, or a pair of a shape and a transform."""
-        if is_data_array(like):
-            shape, transform = like.shape[-2:], like.rio.transform()
-        elif hasattr(like, "transform"):
-            shape, transform = (like.height, like.width), like.transform
-        else:
-            shape, transform = like
-        place = place_of(transform)
-        if place is None:
-            raise usage("a grid without a transform lies nowhere")
-        x0, a, b, y0, d, e = place
-        rows, cols = np.arange(shape[0])[:, None] + 0.5, np.arange(shape[1])[None, :] + 0.5
+        a dataset of rasterio, a DataArray or Dataset of xarray, an array, or a pair of a shape and a transform. Where that
+        lies nowhere, x is the column and y the row with its sign changed, as in a mesh of it."""
+        (height, width), place = lattice_of(like)
+        # Six numbers of the outer corner of the first cell.
+        x0, a, b, y0, d, e = (-0.5, 1.0, 0.0, 0.5, 0.0, -1.0) if place is None else place
+        rows, cols = np.arange(height)[:, None] + 0.5, np.arange(width)[None, :] + 0.5
         return self.interpolate(x0 + a * cols + b * rows, y0 + d * cols + e * rows)
 
     def write(self, path: Path, overwrite: bool = False) -> int:
-        """Writes it into a file, whole or not at all, in the format of its ending (PLY, OBJ, STL, GLB), and returns its
-        size in bytes."""
-        refuse_existing(os.fspath(path), overwrite)
-        return self._mesh.write(os.fspath(path), overwrite)
+        """Writes it into a file, whole or not at all, in the format of its ending (PLY, OBJ, STL, GLB, 3MF and others), and
+        returns its size in bytes. GLB, STL and 3MF hold heights in 32 bits: where that takes them beyond the tolerance,
+        a warning says by how much, and the file states the bound that holds of it (`write_tin` keeps the tolerance)."""
+        name = os.fspath(path)
+        refuse_existing(name, overwrite)
+        bound = self._mesh.tolerance_in(name)
+        if bound > self.tolerance:
+            warn(
+                f"{name}: heights of 32 bits are up to {bound:.9g} from the samples, where {self.tolerance:.9g} is allowed, and "
+                "the file states that; pass float32 heights, or use write_tin, which rounds first"
+            )
+        return self._mesh.write(name, overwrite)
 
     def to_trimesh(self) -> Any:
         """The same as a `trimesh.Trimesh`, its vertices in their order."""

@@ -6,12 +6,13 @@ import os
 from collections.abc import Iterable
 from typing import Any
 
-from terrane import _terrane
+from terrane import _beside, _terrane
 from terrane._clouds import asked_of, cloud_of
 from terrane._errors import refuse_existing, usage
+from terrane._numbers import needed, number
 from terrane._settings import Path, settings
-from terrane._source import grid_of
-from terrane._tin import asked
+from terrane._source import opened
+from terrane._tin import asked, kept
 
 
 class Plan:
@@ -63,9 +64,7 @@ class Plan:
 
         known: dict[str, Any] = {} if memory is None else {"memory": str(memory)}
         known |= {} if threads is None else {"threads": threads}
-        report = dask.run(
-            self.folder, client, output=name, overwrite=overwrite, **known, **options
-        )
+        report = dask.run(self.folder, client, output=name, overwrite=overwrite, **known, **options)
         return asdict(report)
 
     def __repr__(self) -> str:
@@ -120,7 +119,7 @@ def plan(
     ...     terrane.verify(mesh, "synth:rough,size=300").ok, plan.status()["to_do"]
     (True, [])
     """
-    run = settings(threads, memory, progress)
+    run, parts = settings(threads, memory, progress), number("cut", cut)
     # What only the other kind of plan has is refused by name.
     of_mesh = {
         "bound": bound != "samples",
@@ -149,23 +148,29 @@ def plan(
             raise usage("cell is of a grid and max_error of a mesh", "pass one of them")
         grid = asked_of(cell, stat=stat, bounds=bounds, format=format)
         cloud = cloud_of(src, classes=classes, where=where)
-        return Plan(cloud.plan_grid(os.fspath(folder), grid, cut, run))
+        return Plan(cloud.plan_grid(os.fspath(folder), grid, parts, run))
     mesh = asked(
-        max_error,
-        None,
-        None,
+        max_error=max_error,
+        max_vertices=None,
+        max_triangles=None,
         bound=bound,
         strict=False,
         drop=True,
         fit=fit,
         data_dependent=data_dependent,
         min_angle=min_angle,
-        keep_points=keep_points,
-        breaklines=breaklines,
         tile=tile,
     )
-    source = grid_of(src, band=band, nodata=nodata, clip=clip, water=water)
-    return Plan(source.plan_tin(os.fspath(folder), mesh, format, cut, run))
+    beside = _beside.paths(
+        "a plan is run later",
+        clip=clip,
+        water=water,
+        keep_points=keep_points,
+        breaklines=breaklines,
+    )
+    with opened(src, band=band, nodata=nodata, **beside) as (source, files):
+        mesh |= kept(files)
+        return Plan(source.plan_tin(os.fspath(folder), mesh, format, parts, run))
 
 
 def plan_cloud_tin(
@@ -193,5 +198,6 @@ def plan_cloud_tin(
     (True, [])
     """
     run = settings(threads, memory, progress)
+    error, parts = needed("max_error", max_error), number("cut", cut)
     cloud = cloud_of(points, classes=classes, where=where)
-    return Plan(cloud.plan_tin(os.fspath(folder), max_error, format, cut, run))
+    return Plan(cloud.plan_tin(os.fspath(folder), error, format, parts, run))

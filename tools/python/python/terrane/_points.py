@@ -9,6 +9,7 @@ from typing import Any
 from terrane import _terrane
 from terrane._clouds import cloud_of
 from terrane._errors import refuse_existing, usage
+from terrane._numbers import needed, number
 from terrane._plans import Plan
 from terrane._settings import Path, settings, system
 from terrane._source import names_of
@@ -34,16 +35,16 @@ def points_of(
     if tile is not None and split is not None:
         raise usage("tile and split both divide points into files", "pass one of them")
     return {
-        "point_format": point_format,
+        "point_format": number("point_format", point_format),
         "las_version": None if las_version is None else str(las_version),
         "dedupe": dedupe,
         "thin": None if thin is None else str(thin),
         "heights": heights,
         "classify": [classify] if isinstance(classify, str) else list(classify),
         "ground": ground,
-        "tile": tile,
+        "tile": number("side", tile, "tile"),
         "split": split,
-        "buffer": 0.0 if buffer is None else float(buffer),
+        "buffer": 0.0 if buffer is None else number("buffer", buffer),
         "buffer_mark": buffer_mark,
     }
 
@@ -169,9 +170,9 @@ def plan_points(
     (9, [])
     """
     cloud = opened(src, classes, returns, bounds, z_range, where, every, salvage)
-    asked = points_of(tile=float(tile), **options)
-    run = settings(threads, memory, progress)
-    return Plan(cloud.plan_points(os.fspath(folder), asked, cut, run))
+    asked = points_of(tile=needed("side", tile, "tile"), **options)
+    run, parts = settings(threads, memory, progress), number("cut", cut)
+    return Plan(cloud.plan_points(os.fspath(folder), asked, parts, run))
 
 
 def opened(

@@ -8,6 +8,8 @@ from typing import Any, TypedDict
 
 Progress = Callable[[str, int, int], object]
 Path = str | os.PathLike[str]
+# The path of a file of features, or geometries: of shapely, one or several, a GeoSeries or a GeoDataFrame.
+Features = Any
 
 
 class Settings(TypedDict):
@@ -27,10 +29,12 @@ def settings(
 ) -> Settings:
     """Settings from the arguments that functions have for them. `progress` is a function of the stage, what is
     done and the total, or tqdm's class, or True for it."""
+    from terrane._numbers import number
+
     folder = None if temp_dir is None else os.fspath(temp_dir)
     return {
-        "threads": threads,
-        "memory": memory,
+        "threads": number("threads", threads),
+        "memory": memory if isinstance(memory, str) else number("memory", memory),
         "temp_dir": folder,
         "progress": told_by(progress),
     }

@@ -3,52 +3,93 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from terrane import _terrane
-from terrane._errors import ResourceError, usage
-from terrane._settings import Path
+from terrane import _beside, _terrane, _xarray
+from terrane._errors import ResourceError, usage, warn
+from terrane._numbers import number, real
+from terrane._settings import Features
 
 # Types of samples that the library reads as they are.
 NATIVE = {np.dtype(name) for name in ("f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4")}
 # Whole numbers beyond this are not all exact in float64.
 EXACT = 2**53
+# The transform of columns and rows.
+IDENTITY = (1, 0, 0, 0, 1, 0)
+# What bands of a picture show.
+COLOURS = {"red", "green", "blue"}
+# What of a grid's notes is told, unless a band is chosen.
+TOLD = {"several bands", "impossible nodata"}
+
+# Opens a grid, clipped to the polygons of a file and with the water of another one.
+Opener = Callable[[str | None, str | None], _terrane.Grid]
 
 
-def grid_of(
+@contextmanager
+def opened(
     src: Any,
     *,
     band: int | None = None,
     nodata: float | None = None,
     transform: Any = None,
     crs: Any = None,
-    clip: Path | None = None,
-    water: Path | None = None,
-) -> _terrane.Grid:
-    """The grid that `src` stands for."""
-    files = [None if file is None else os.fspath(file) for file in (clip, water)]
-    reading: dict[str, Any] = {
-        "band": band,
-        "nodata": nodata,
-        "clip": files[0],
-        "water": files[1],
-    }
+    clip: Features | None = None,
+    water: Features | None = None,
+    **features: Features | None,
+) -> Iterator[tuple[_terrane.Grid, dict[str, str | None]]]:
+    """The grid that `src` stands for, and the files of the features beside it, which last as long as this."""
+    make = opener_of(src, number("band", band), nodata_of(nodata), transform, crs)
+
+    def system() -> str | None:
+        found: str | None = make(None, None).info["crs"]
+        return found
+
+    with _beside.files(system, clip=clip, water=water, **features) as files:
+        grid = make(files["clip"], files["water"])
+        tell(grid, band is not None)
+        yield grid, files
+
+
+def opener_of(src: Any, band: int | None, nodata: float | None, transform: Any, crs: Any) -> Opener:
+    """What opens the grid that `src` stands for."""
     names = names_of(src)
     if names is not None:
         for name, given in (("transform", transform), ("crs", crs)):
             if given is not None:
-                raise usage(f"files say themselves where they lie, without a {name}", "leave it out")
-        return _terrane.Grid.open(names, reading)
+                raise usage(
+                    f"files say themselves where they lie, without a {name}", "leave it out"
+                )
+        return of_files(names, band, nodata)
     if is_dataset(src):
-        return of_dataset(src, reading, transform, crs)
+        return of_dataset(src, band, nodata, transform, crs)
     if band not in (None, 1):
         raise usage(f"band {band} of an array, which has one", "pass the part of it that is meant")
-    if is_data_array(src):
-        return of_data_array(src, reading, transform, crs)
-    array, fill = native(src, reading["nodata"])
-    return _terrane.Grid.array(array, place_of(transform), crs_text(crs), {**reading, "nodata": fill})
+    if _xarray.is_data_array(src) or _xarray.is_xarray_dataset(src):
+        held = _xarray.held_of(src)
+        fills = held.fills if nodata is None else [nodata]
+        transform = held.transform if transform is None else transform
+        return of_array(held.values, fills, transform, held.crs if crs is None else crs)
+    return of_array(src, [] if nodata is None else [nodata], transform, crs)
+
+
+def tell(grid: _terrane.Grid, is_chosen: bool) -> None:
+    """Warns of what is odd about a grid and changes what is read of it."""
+    for kind, text in grid.notes:
+        if kind in TOLD and not (is_chosen and kind == "several bands"):
+            warn(text)
+
+
+def nodata_of(value: Any) -> float | None:
+    """The value for voids that an option says; any number will do."""
+    given = None if value is None else real(value)
+    if value is not None and given is None:
+        raise usage(f"nodata is {value!r}", "pass a number")
+    return None if given is None else float(given)
 
 
 def names_of(src: Any) -> list[str] | None:
@@ -61,41 +102,76 @@ def names_of(src: Any) -> list[str] | None:
     return None
 
 
-def native(src: Any, nodata: float | None) -> tuple[np.ndarray[Any, Any], float | None]:
+def of_files(names: list[str], band: int | None, nodata: float | None) -> Opener:
+    """What opens files."""
+    return lambda clip, water: _terrane.Grid.open(
+        names, {"band": band, "nodata": nodata, "clip": clip, "water": water}
+    )
+
+
+def of_array(src: Any, fills: Sequence[float], transform: Any, crs: Any) -> Opener:
+    """What opens an array."""
+    array, fill = native(src, fills)
+    place, text = place_of(transform), crs_text(crs)
+    return lambda clip, water: _terrane.Grid.array(
+        array, place, text, {"band": None, "nodata": fill, "clip": clip, "water": water}
+    )
+
+
+def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None]:
     """An array of two dimensions, contiguous and of a type that is read as it is, with at most one copy; and the
-    value that stands for voids."""
-    array = np.ma.getdata(src) if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
+    value that stands for voids. Where several do, or a mask, they are NaN in it."""
+    try:
+        array = np.ma.getdata(src) if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
+    except ValueError as error:
+        raise usage(f"a {type(src).__name__} is no grid of heights: {error}") from error
     mask = np.ma.getmask(src) if isinstance(src, np.ma.MaskedArray) else np.ma.nomask
     if array.ndim != 2:
         raise usage(
-            f"an array of shape {array.shape} is no grid of heights",
-            "pass one of two dimensions, rows and columns",
+            f"a {type(src).__name__} of shape {array.shape} is no grid of heights",
+            "pass an array of two dimensions, rows and columns",
         )
     if array.dtype.kind not in "fiu":
         raise usage(f"an array of {array.dtype} holds no heights", "convert it to numbers")
     if array.size == 0:
         raise usage(f"an array of shape {array.shape} holds no sample")
-    if mask is not np.ma.nomask and np.any(mask):
-        kind = array.dtype if array.dtype.kind == "f" else np.dtype("f8")
-        exact(array)
-        array = array.astype(kind if kind.itemsize <= 8 else "f8", order="C")
-        if nodata is not None:
-            array[array == nodata] = np.nan
-        array[mask] = np.nan
-        return native(array, None)
+    for fill in (fill for fill in fills if not holds(array.dtype, fill)):
+        warn(f"the nodata value {fill:g} is no {array.dtype}: it makes no sample void")
+    fills = [fill for fill in fills if holds(array.dtype, fill)]
+    is_masked = mask is not np.ma.nomask and bool(np.any(mask))
+    if is_masked or len(fills) > 1:
+        return voided(array, [array == fill for fill in fills] + [mask] * is_masked), None
     wanted = array.dtype.newbyteorder("=")
     if wanted not in NATIVE:
         exact(array)
         wanted = np.dtype("f4") if wanted.kind == "f" and wanted.itemsize < 4 else np.dtype("f8")
     try:
-        return np.require(array, wanted, ("C", "A")), nodata
+        return np.require(array, wanted, ("C", "A")), fills[0] if fills else None
     except MemoryError as error:
         told = f"a copy of an array of shape {array.shape} takes too much memory"
         remedy = "write it into a file, and pass its name"
         raise ResourceError(f"{told}; {remedy}", "resource", remedy=remedy) from error
 
 
-def exact(array: np.ndarray[Any, Any]) -> None:
+def voided(array: NDArray[Any], masks: Sequence[Any]) -> NDArray[Any]:
+    """A copy in floats that is NaN where a mask is set."""
+    exact(array)
+    kind = {2: "f4", 4: "f4"}.get(array.dtype.itemsize, "f8") if array.dtype.kind == "f" else "f8"
+    copy = array.astype(kind, order="C")
+    for mask in masks:
+        copy[mask] = np.nan
+    return copy
+
+
+def holds(dtype: np.dtype[Any], value: float) -> bool:
+    """True where samples of a type can have a value."""
+    if dtype.kind == "f":
+        return not np.isfinite(value) or bool(np.isfinite(np.asarray(value).astype(dtype)))
+    limits = np.iinfo(dtype)
+    return bool(limits.min <= value <= limits.max) and float(value).is_integer()
+
+
+def exact(array: NDArray[Any]) -> None:
     """Fails where numbers are not exact in float64."""
     if array.dtype.kind not in "iu" or array.dtype.itemsize < 8:
         return
@@ -108,12 +184,16 @@ def place_of(transform: Any) -> list[float] | None:
     corners of cells."""
     if transform is None:
         return None
-    numbers = [float(number) for number in tuple(transform)[:6]]
+    try:
+        numbers = [float(number) for number in tuple(transform)[:6]]
+    except (TypeError, ValueError):
+        numbers = []
+    remedy = "pass rasterio's, or its six numbers"
     if len(numbers) != 6 or not np.isfinite(numbers).all():
-        raise usage(f"the transform {transform!r} is none", "pass rasterio's, or its six numbers")
+        raise usage(f"the transform {transform!r} is none", remedy)
     a, b, c, d, e, f = numbers
     if a * e == b * d:
-        raise usage(f"the transform {transform!r} turns cells into lines", "pass rasterio's, or its six numbers")
+        raise usage(f"the transform {transform!r} turns cells into lines", remedy)
     return [c, a, b, f, d, e]
 
 
@@ -121,13 +201,15 @@ def crs_text(crs: Any) -> str | None:
     """A reference system as text: a code or well-known text."""
     if crs is None:
         return None
-    if isinstance(crs, int):
+    if isinstance(crs, int) and not isinstance(crs, bool):
         return f"EPSG:{crs}"
     if isinstance(crs, str):
         return crs
     if hasattr(crs, "to_wkt"):
         return str(crs.to_wkt())
-    raise usage(f"{crs!r} is no reference system", "pass text, a code, or one of pyproj or rasterio")
+    raise usage(
+        f"{crs!r} is no reference system", "pass text, a code, or one of pyproj or rasterio"
+    )
 
 
 def is_dataset(src: Any) -> bool:
@@ -135,78 +217,59 @@ def is_dataset(src: Any) -> bool:
     return all(hasattr(src, name) for name in ("read", "transform", "nodatavals", "indexes"))
 
 
-def of_dataset(src: Any, reading: dict[str, Any], transform: Any, crs: Any) -> _terrane.Grid:
-    """The file of a dataset of rasterio, where it is one; else what it reads."""
-    band = reading["band"] or 1
-    is_asked = transform is None and crs is None and type(src).__name__ == "DatasetReader"
-    if is_asked and os.path.isfile(src.name) and src.driver == "GTiff":
-        grid = _terrane.Grid.open([src.name], reading)
+def of_dataset(
+    src: Any, band: int | None, nodata: float | None, transform: Any, crs: Any
+) -> Opener:
+    """What opens the file of a dataset of rasterio, where it is one; else what it reads."""
+    colours = [colour.name for colour in getattr(src, "colorinterp", ())]
+    if band is None and COLOURS <= set(colours):
+        raise usage(
+            f"the dataset is a picture, its bands are {', '.join(colours)}",
+            "pass the band that has heights in it, as band=1",
+        )
+    is_plain = transform is None and crs is None and type(src).__name__ == "DatasetReader"
+    if is_plain and os.path.isfile(src.name) and src.driver == "GTiff":
+        of_file = of_files([src.name], band, nodata)
+        info = of_file(None, None).info
         # An overview of a file, opened as a dataset, is not what is in the file.
-        if (grid.info["width"], grid.info["height"]) == (src.width, src.height):
-            return grid
+        if (info["width"], info["height"]) == (src.width, src.height):
+            return of_file
+    band = band or 1
     if band not in src.indexes:
         raise usage(f"band {band} is out of range: the dataset has {src.count}")
     scale, offset = src.scales[band - 1], src.offsets[band - 1]
     values = src.read(band, masked=True)
     if (scale, offset) != (1.0, 0.0):
         values = values.astype("f8") * scale + offset
-    transform = src.transform if transform is None else transform
-    array, fill = native(values, reading["nodata"])
-    rest = {**reading, "band": None, "nodata": fill}
-    return _terrane.Grid.array(array, place_of(transform), crs_text(crs or src.crs), rest)
+    transform = transform_of(src) if transform is None else transform
+    return of_array(values, [] if nodata is None else [nodata], transform, crs or src.crs)
 
 
-def is_data_array(src: Any) -> bool:
-    """True for DataArrays of xarray."""
-    return all(hasattr(src, name) for name in ("dims", "coords", "values", "attrs"))
+def transform_of(dataset: Any) -> Any:
+    """The transform of a dataset of rasterio, None where it lies nowhere: it has that of its columns and rows then."""
+    lies_nowhere = dataset.crs is None and tuple(dataset.transform)[:6] == IDENTITY
+    return None if lies_nowhere else dataset.transform
 
 
-def of_data_array(src: Any, reading: dict[str, Any], transform: Any, crs: Any) -> _terrane.Grid:
-    """What a DataArray of xarray holds, where it says it lies."""
-    src = src.squeeze(drop=True)
-    for name, plain in (("scale_factor", 1.0), ("add_offset", 0.0)):
-        if src.attrs.get(name, plain) != plain:
-            raise usage(
-                f"the DataArray has a {name} of {src.attrs[name]}, which its values are without",
-                "open it with mask_and_scale=True, or apply it and drop the attribute",
-            )
-    rio = getattr(src, "rio", None)
-    if rio is not None and src.ndim == 2:
-        src = src.transpose(*sides(rio, src.dims))
-        crs = rio.crs if crs is None else crs
-        if reading["nodata"] is None and rio.encoded_nodata is None:
-            reading = {**reading, "nodata": None if rio.nodata is None else float(rio.nodata)}
-    if transform is None and src.ndim == 2:
-        transform = even_transform(src)
-    array, fill = native(src.values, reading["nodata"])
-    rest = {**reading, "band": None, "nodata": fill}
-    return _terrane.Grid.array(array, place_of(transform), crs_text(crs), rest)
-
-
-def sides(rio: Any, dims: tuple[str, ...]) -> tuple[str, ...]:
-    """The dimensions of rows and of columns, as the rio accessor knows them, or else in their order."""
-    try:
-        return (rio.y_dim, rio.x_dim)
-    # Its own class of error, which is not to be imported here.
-    except Exception as error:
-        if type(error).__name__ != "MissingSpatialDimensionError":
-            raise
-        return dims
-
-
-def even_transform(src: Any) -> tuple[float, ...] | None:
-    """The transform that the coordinates of a DataArray make, which must be evenly spaced."""
-    steps = []
-    for dim in src.dims:
-        if dim not in src.coords:
-            return None
-        along = np.asarray(src.coords[dim].values, dtype="f8")
-        if along.size < 2:
-            return None
-        step = (along[-1] - along[0]) / (along.size - 1)
-        even = along[0] + step * np.arange(along.size)
-        if step == 0 or not np.allclose(along, even, rtol=0, atol=abs(step) * 1e-3):
-            raise usage(f"coordinates {dim!r} are not evenly spaced", "pass a transform")
-        steps.append((float(along[0]), float(step)))
-    (y, down), (x, across) = steps
-    return (across, 0.0, x - across / 2, 0.0, down, y - down / 2)
+def lattice_of(like: Any) -> tuple[tuple[int, int], list[float] | None]:
+    """Rows and columns of another grid (a dataset of rasterio, a DataArray or Dataset of xarray, an array, or a pair of a shape and
+    a transform), and GDAL's six numbers of its transform, None where it has none."""
+    shape: tuple[int, ...]
+    if _xarray.is_data_array(like) or _xarray.is_xarray_dataset(like):
+        shape, transform = _xarray.lattice_of(like)
+    elif is_dataset(like):
+        shape, transform = (like.height, like.width), transform_of(like)
+    elif isinstance(like, np.ndarray):
+        shape, transform = like.shape, None
+    else:
+        try:
+            shape, transform = like
+            shape = tuple(int(side) for side in shape)
+        except (TypeError, ValueError):
+            shape, transform = (), None
+    if len(shape) != 2:
+        raise usage(
+            f"a {type(like).__name__} is no grid",
+            "pass a dataset, a DataArray, an array of two dimensions, or a pair of a shape and a transform",
+        )
+    return (shape[0], shape[1]), place_of(transform)

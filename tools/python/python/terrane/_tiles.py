@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from terrane._errors import refuse_existing
-from terrane._settings import Path, settings
-from terrane._source import grid_of
+from terrane._numbers import number
+from terrane._settings import Features, Path, settings
+from terrane._source import opened
 
 
 def tiles(
@@ -26,8 +27,8 @@ def tiles(
     nodata: float | None = None,
     transform: Any = None,
     crs: Any = None,
-    clip: Path | None = None,
-    water: Path | None = None,
+    clip: Features | None = None,
+    water: Features | None = None,
     overwrite: bool = False,
     threads: int | None = None,
     memory: int | str | None = None,
@@ -70,18 +71,17 @@ def tiles(
     True
     """
     refuse_existing(os.fspath(path), overwrite)
-    grid = grid_of(
-        src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip, water=water
-    )
     asked = {
         "formats": [format] if isinstance(format, str) else list(format),
         "geoid": None if geoid is None else os.fspath(geoid),
-        "max_level": max_level,
+        "max_level": number("max_level", max_level),
         "tile_edges": tile_edges,
         "meshopt": meshopt,
         "normals": normals,
         "compress": compress,
     }
-    return grid.tiles(
-        os.fspath(path), asked, overwrite, settings(threads, memory, progress, temp_dir)
-    )
+    run = settings(threads, memory, progress, temp_dir)
+    with opened(
+        src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip, water=water
+    ) as (grid, _):
+        return grid.tiles(os.fspath(path), asked, overwrite, run)

@@ -6,26 +6,29 @@ import os
 import tempfile
 from typing import Any
 
-from terrane import _terrane
 from terrane._errors import refuse_existing, usage
 from terrane._mesh import Mesh
-from terrane._settings import Path, settings, system
-from terrane._source import grid_of, names_of
+from terrane._numbers import checked, number
+from terrane._settings import Features, Path, settings, system
+from terrane._source import opened
+
+# What a mesh may have to reach.
+GOALS = ("max_error", "max_vertices", "max_triangles")
 
 
-def asked(
-    max_error: float | None,
-    max_vertices: int | None,
-    max_triangles: int | None,
-    **rest: Any,
-) -> dict[str, Any]:
-    """What a mesh is to be, as the library takes it."""
-    given = {"max_error": max_error, "max_vertices": max_vertices, "max_triangles": max_triangles}
-    if all(goal is None for goal in given.values()):
-        raise usage("the mesh has nothing to reach", "pass max_error, max_vertices or max_triangles")
-    for name in ("keep_points", "breaklines"):
-        rest[name] = None if rest[name] is None else os.fspath(rest[name])
-    return {**given, **rest}
+def asked(**options: Any) -> dict[str, Any]:
+    """What a mesh is to be, as the library takes it, but for the files it keeps to."""
+    if all(options[goal] is None for goal in GOALS):
+        raise usage(
+            "the mesh has nothing to reach", "pass max_error, max_vertices or max_triangles"
+        )
+    given = {name: options[name] for name in (*GOALS, "min_angle", "tile")}
+    return {**options, **checked(**given)}
+
+
+def kept(files: dict[str, str | None]) -> dict[str, str | None]:
+    """The files that a mesh keeps to."""
+    return {name: files[name] for name in ("keep_points", "breaklines")}
 
 
 def tin(
@@ -39,10 +42,10 @@ def tin(
     nodata: float | None = None,
     transform: Any = None,
     crs: Any = None,
-    clip: Path | None = None,
-    water: Path | None = None,
-    keep_points: Path | None = None,
-    breaklines: Path | None = None,
+    clip: Features | None = None,
+    water: Features | None = None,
+    keep_points: Features | None = None,
+    breaklines: Features | None = None,
     strict: bool = False,
     drop: bool = True,
     fit: bool = False,
@@ -62,20 +65,22 @@ def tin(
     ----------
     src
         A path, a list of paths (one mosaic), the name of a synthetic terrain ("synth:rough,size=513"), an array of
-        two dimensions (rows, columns) of any type of number, masked or not, a dataset of rasterio, or a DataArray of
-        xarray. NaN, infinities, masked samples and nodata are voids.
+        two dimensions (rows, columns) of any type of number, masked or not, a dataset of rasterio, or a DataArray or
+        Dataset of xarray. NaN, infinities, masked samples and nodata are voids.
     max_error, max_vertices, max_triangles
         What to reach, one of them: the largest vertical distance of a sample, in units of the heights; or the least
         one that so many vertices or triangles allow.
     bound
         "samples", or "surface": no point of a line between two neighbouring samples is further, either.
-    band, nodata, clip, water
-        Of files: which band, from 1; the value for voids; files of polygons to clip to, and of water to make level.
+    band, nodata
+        Which band of a file or dataset, from 1; the value for voids instead of what the data say.
     transform, crs
         Of arrays: where they lie, as rasterio has it (six numbers, of corners of cells), and the reference system.
         Without a transform x is the column and y the row with its sign changed.
-    keep_points, breaklines
-        Files of features whose nearest samples stay vertices, and whose lines edges follow.
+    clip, water, keep_points, breaklines
+        Polygons to clip to; water to make level; features whose nearest samples stay vertices; lines that edges
+        follow. Each is the path of a file, a geometry of shapely or several, a GeoSeries or a GeoDataFrame; those
+        without a reference system are in that of the grid.
     strict, drop, fit, data_dependent, min_angle, tile
         One insertion at a time; drop redundant vertices; let vertices lie off their samples, or triangles be any
         that keep the error, where that takes fewer; the smallest angle, in degrees; cells along a tile.
@@ -98,23 +103,30 @@ def tin(
     'EPSG:32631'
     """
     goal = asked(
-        max_error,
-        max_vertices,
-        max_triangles,
+        max_error=max_error,
+        max_vertices=max_vertices,
+        max_triangles=max_triangles,
         bound=bound,
         strict=strict,
         drop=drop,
         fit=fit,
         data_dependent=data_dependent,
         min_angle=min_angle,
-        keep_points=keep_points,
-        breaklines=breaklines,
         tile=tile,
     )
-    grid = grid_of(
-        src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip, water=water
-    )
-    return Mesh(grid.tin(goal, settings(threads, memory, progress)))
+    run = settings(threads, memory, progress)
+    with opened(
+        src,
+        band=band,
+        nodata=nodata,
+        transform=transform,
+        crs=crs,
+        clip=clip,
+        water=water,
+        keep_points=keep_points,
+        breaklines=breaklines,
+    ) as (grid, files):
+        return Mesh(grid.tin({**goal, **kept(files)}, run))
 
 
 def write_tin(
@@ -129,10 +141,10 @@ def write_tin(
     nodata: float | None = None,
     transform: Any = None,
     crs: Any = None,
-    clip: Path | None = None,
-    water: Path | None = None,
-    keep_points: Path | None = None,
-    breaklines: Path | None = None,
+    clip: Features | None = None,
+    water: Features | None = None,
+    keep_points: Features | None = None,
+    breaklines: Features | None = None,
     strict: bool = False,
     drop: bool = True,
     fit: bool = False,
@@ -167,25 +179,33 @@ def write_tin(
     """
     refuse_existing(os.fspath(path), overwrite)
     goal = asked(
-        max_error,
-        max_vertices,
-        max_triangles,
+        max_error=max_error,
+        max_vertices=max_vertices,
+        max_triangles=max_triangles,
         bound=bound,
         strict=strict,
         drop=drop,
         fit=fit,
         data_dependent=data_dependent,
         min_angle=min_angle,
-        keep_points=keep_points,
-        breaklines=breaklines,
         tile=tile,
-    )
-    grid = grid_of(
-        src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip, water=water
     )
     run = settings(threads, memory, progress, temp_dir)
     target = system(to_crs, shift_grid, geoid)
-    return grid.write_tin(os.fspath(path), goal, format, split, target, overwrite, run)
+    parts = number("split", split)
+    with opened(
+        src,
+        band=band,
+        nodata=nodata,
+        transform=transform,
+        crs=crs,
+        clip=clip,
+        water=water,
+        keep_points=keep_points,
+        breaklines=breaklines,
+    ) as (grid, files):
+        goal |= kept(files)
+        return grid.write_tin(os.fspath(path), goal, format, parts, target, overwrite, run)
 
 
 class Report:
@@ -240,14 +260,14 @@ def verify(
     *,
     bound: str | None = None,
     min_angle: float | None = None,
-    keep_points: Path | None = None,
-    breaklines: Path | None = None,
+    keep_points: Features | None = None,
+    breaklines: Features | None = None,
     band: int | None = None,
     nodata: float | None = None,
     transform: Any = None,
     crs: Any = None,
-    clip: Path | None = None,
-    water: Path | None = None,
+    clip: Features | None = None,
+    water: Features | None = None,
     threads: int | None = None,
     memory: int | str | None = None,
     progress: Any = None,
@@ -265,20 +285,26 @@ def verify(
     >>> terrane.verify(terrane.tin(heights, max_error=0.5), heights + 1, max_error=0.5).ok
     False
     """
-    grid = grid_of(
-        src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip, water=water
-    )
-    points, lines = (None if file is None else os.fspath(file) for file in (keep_points, breaklines))
+    error, angle = number("max_error", max_error), number("min_angle", min_angle)
     run = settings(threads, memory, progress)
-    if not isinstance(mesh, Mesh):
-        names = names_of(mesh)
-        if names is None or len(names) != 1:
-            raise usage(f"a {type(mesh).__name__} is no mesh", "pass a terrane.Mesh or a path")
-        return Report(grid.verify(names[0], max_error, bound, min_angle, points, lines, run))
-    with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
-        path = os.path.join(folder, "mesh.ply")
-        mesh.write(path)
-        told = grid.verify(path, max_error, bound, min_angle, points, lines, run)
-    return Report({**told, "mesh": "in memory"})
-
-
+    if not isinstance(mesh, Mesh | str | os.PathLike):
+        raise usage(f"a {type(mesh).__name__} is no mesh", "pass a terrane.Mesh or a path")
+    with opened(
+        src,
+        band=band,
+        nodata=nodata,
+        transform=transform,
+        crs=crs,
+        clip=clip,
+        water=water,
+        keep_points=keep_points,
+        breaklines=breaklines,
+    ) as (grid, files):
+        points, lines = kept(files).values()
+        if not isinstance(mesh, Mesh):
+            return Report(grid.verify(os.fspath(mesh), error, bound, angle, points, lines, run))
+        with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+            path = os.path.join(folder, "mesh.ply")
+            mesh.write(path)
+            told = grid.verify(path, error, bound, angle, points, lines, run)
+        return Report({**told, "mesh": "in memory"})

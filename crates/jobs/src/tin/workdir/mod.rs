@@ -133,7 +133,7 @@ fn plan_checked(
     let mesh = Mesh::new(&tin, &opened, job.cut)?;
     let expect = || {
         let spec = Spec { measure: false, ..maker.spec(tolerance) };
-        let size = Estimator::thorough(&*opened.source, layout, cancel)
+        let size = Estimator::thorough(&*opened.source, layout, opened.shares.threads, cancel)
             .and_then(|mut estimator| estimator.size_at_most(&spec))
             .map_err(in_input)?;
         let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrane._errors import usage
+from terrane._numbers import checked
 from terrane._tin import tin
 
 
@@ -56,6 +57,20 @@ class Delatin:
         border_size: int = 0,
         border_height: float = 1,
     ) -> None:
+        checked(
+            height=height,
+            width=width,
+            z_scale=z_scale,
+            z_exag=z_exag,
+            max_error=max_error,
+            max_triangles=max_triangles,
+            max_points=max_points,
+            base_height=base_height,
+            blur=blur,
+            gamma=gamma,
+            border_size=border_size,
+            border_height=border_height,
+        )
         heights = np.asarray(arr)
         if heights.ndim != 2:
             if height is None or width is None:

@@ -1,0 +1,97 @@
+"""Features beside a grid or a cloud (polygons to clip to, water, breaklines, points to keep): files of them, or geometries in
+memory, which are written into files that last as long as the work."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from terrane._errors import Error, usage
+from terrane._settings import Features
+
+REMEDY = "pass a path, a geometry of shapely or several, a GeoSeries or a GeoDataFrame"
+# Packages whose objects hold geometries.
+PACKAGES = ("shapely", "geopandas", "numpy")
+
+
+@contextmanager
+def files(
+    crs_of: Callable[[], str | None], **given: Features | None
+) -> Iterator[dict[str, str | None]]:
+    """The names of the files that `given` are, or are written into, by the names of the options. Geometries without a
+    reference system are in that of `crs_of`. Errors about what was written name the option.
+
+    >>> import shapely
+    >>> with files(lambda: "EPSG:32631", clip="area.gpkg", water=shapely.box(0, 0, 1, 1)) as found:
+    ...     found["clip"], open(found["water"]).read()
+    ('area.gpkg', 'POLYGON ((1 0, 1 1, 0 1, 0 0, 1 0))\\n')
+    """
+    held = {name: value for name, value in given.items() if not is_path(value)}
+    named = paths("", **{name: given[name] for name in given.keys() - held.keys()})
+    if not held:
+        yield named
+        return
+    with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+        written = {name: written_into(folder, name, value, crs_of) for name, value in held.items()}
+        try:
+            yield {**named, **written}
+        except Error as error:
+            for name, path in written.items():
+                if path in str(error):
+                    raise error.about(path, name) from None
+            raise
+
+
+def is_path(value: Any) -> bool:
+    """True for what names a file, or nothing."""
+    return value is None or isinstance(value, str | os.PathLike)
+
+
+def paths(reason: str, **given: Features | None) -> dict[str, str | None]:
+    """The names of the files that `given` are; for `reason` geometries in memory are refused."""
+    for name, value in given.items():
+        if not is_path(value):
+            told = f"{name} is a {type(value).__name__} in memory, and {reason}"
+            raise usage(told, "write it into a file, and pass its name")
+    return {name: None if value is None else os.fspath(value) for name, value in given.items()}
+
+
+def written_into(folder: str, name: str, value: Any, crs_of: Callable[[], str | None]) -> str:
+    """The file that holds the geometries of an option."""
+    from terrane._source import crs_text
+
+    texts, crs = geometries_of(name, value)
+    path = os.path.join(folder, f"{name}.wkt")
+    with open(path, "w") as file:
+        file.writelines(f"{text}\n" for text in texts)
+    system = crs_of() if crs is None else crs_text(crs)
+    if system is not None:
+        with open(os.path.join(folder, f"{name}.prj"), "w") as file:
+            file.write(system)
+    return path
+
+
+def geometries_of(name: str, value: Any) -> tuple[list[str], Any]:
+    """The geometries that `value` holds as well-known text, and their reference system where it has one."""
+    package = type(value).__module__.partition(".")[0]
+    if package not in PACKAGES and not isinstance(value, list | tuple):
+        raise usage(f"{name} is a {type(value).__name__}", REMEDY)
+    import shapely
+
+    held = getattr(value, "geometry", value) if package == "geopandas" else value
+    array = np.atleast_1d(np.asarray(held, dtype=object)).ravel()
+    known = shapely.is_geometry(array)
+    strange = array[~(known | shapely.is_missing(array))]
+    if len(strange) > 0:
+        raise usage(f"{name} holds a {type(strange[0]).__name__}", REMEDY)
+    array = array[known]
+    array = array[~shapely.is_empty(array)]
+    if len(array) == 0:
+        raise usage(f"{name} holds no geometry", "leave it out, or pass some")
+    # With so many decimals coordinates come back as they are.
+    return list(shapely.to_wkt(array, rounding_precision=20)), getattr(held, "crs", None)
