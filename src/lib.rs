@@ -89,7 +89,7 @@ pub use terrane_jobs::figures::Figures;
 pub use terrane_jobs::grid::{Canopy, GridReport, GroundFrom, Preset};
 pub use terrane_jobs::line::LineReport;
 pub use terrane_jobs::plan::TaskReport;
-pub use terrane_jobs::tiles::{Format as TilesFormat, TilesReport};
+pub use terrane_jobs::tiles::{Beyond as TilesBeyond, Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::translate::{
     Above, Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, Sort, Split, Squares,

@@ -10,13 +10,14 @@ use crate::cloud;
 use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tiles::{self, FORMATS, Format, Kept, TilesJob, TilesReport};
+use crate::jobs::tiles::{self, Beyond, FORMATS, Format, Kept, TilesJob, TilesReport};
 
 /// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail
 ///
 /// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the
 /// grid, and layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it on the bent earth, than
-/// clients take its level to be off by (77 km at level 0, half as much at each further one); each tile
+/// clients take its level to be off by (77 km at level 0, half as much at each further one), or than its level states
+/// where the steps of its positions cannot tell samples apart; each tile
 /// says how far its samples are at the most. Tiles beside each other have the same border. Voids are
 /// spanned. The grid may be in any system; its samples are brought to WGS 84, and none is made up. Heights are
 /// taken from the ellipsoid on, or brought there with --geoid. Of a cloud a model of the ground is made first, as
@@ -77,6 +78,10 @@ pub(super) struct Wanted {
     #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
           help_heading = "Tiles")]
     max_level: Option<u8>,
+    /// The ground between the edge of the grid and the sides of the tiles that hold it
+    #[arg(long, value_name = "GROUND", value_parser = parse_beyond, default_value = Beyond::ALL[0].1,
+          long_help = beyond_help(), help_heading = "Tiles")]
+    beyond: Beyond,
     /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a file (GTX or GeoTIFF)
     #[arg(long, value_name = "FILE", value_parser = names::any(), help_heading = "Tiles")]
     pub(super) geoid: Option<String>,
@@ -107,6 +112,7 @@ impl Wanted {
             skirts: self.skirts,
             water_mask: self.water_mask,
             max_level: self.max_level,
+            beyond: self.beyond,
             normals: !self.no_normals,
             compress: !self.no_gzip,
             ..job
@@ -143,6 +149,19 @@ fn parse_format(name: &str) -> std::result::Result<Format, String> {
         let names: Vec<_> = FORMATS.iter().map(|known| known.name).collect();
         format!("the formats are {}", names.join(", "))
     })
+}
+
+fn parse_beyond(name: &str) -> std::result::Result<Beyond, String> {
+    let names = Beyond::ALL.map(|(_, name, _)| name).join(", ");
+    Beyond::named(name).ok_or_else(|| format!("it may be {names}"))
+}
+
+fn beyond_help() -> String {
+    let lines = Beyond::ALL.map(|(_, name, about)| format!("{name:<15} {about}"));
+    format!(
+        "The ground between the edge of the grid and the sides of the tiles that hold it:\n{}",
+        lines.join("\n")
+    )
 }
 
 fn formats_help() -> String {

@@ -10,7 +10,7 @@ use terrane_base::{Error, Result};
 use terrane_jobs::grid::GroundFrom;
 use terrane_jobs::reading::Reading;
 use terrane_jobs::tiles::{
-    self, Format as TilesFormat, GroundModel, PlanJob, TilesJob, TilesReport, run_cloud,
+    self, Beyond, Format as TilesFormat, GroundModel, PlanJob, TilesJob, TilesReport, run_cloud,
 };
 
 /// Tiles of a grid in any system, or of a model of the ground of a cloud, to be made, for viewers of the globe, at every level of detail:
@@ -111,6 +111,13 @@ impl<'a> TilesBuilder<'a> {
     /// otherwise.
     pub fn max_level(mut self, level: u8) -> Self {
         self.job.max_level = Some(level);
+        self
+    }
+
+    /// The ground between the edge of the grid and the sides of the tiles that hold it: it falls to the ellipsoid unless
+    /// told otherwise.
+    pub fn beyond(mut self, beyond: Beyond) -> Self {
+        self.job.beyond = beyond;
         self
     }
 

@@ -158,10 +158,16 @@ fn heights_that_are_none_are_refused_by_name() {
     plain(&place, [20, 20], at, |_, _| -7e6);
     fails(65, &["g.asc", "-7e6", "--nodata -7e6"]);
     plain(&place, [20, 20], at, |_, _| 1e30);
-    fails(2, &["heights of 1.0", "e30 m", "nodata"]);
+    fails(65, &["g.asc", "1e30", "--nodata 1e30"]);
+    // However steep it is, and told.
     plain(&place, [20, 20], at, |col, _| if col == 3 { -32768.0 } else { 500.0 });
-    fails(2, &["--nodata -3.2768e4"]);
-    place.ok(&["tiles", "g.asc", "t", "--nodata", "-32768", "-q"]);
+    let made = json(&place.ok(&["tiles", "g.asc", "t", "--json"]).out);
+    assert!(
+        made["notes"].to_string().contains("-3.2768e4, looks like an undeclared nodata"),
+        "{made}"
+    );
+    place.ok(&["verify", "t", "g.asc", "-q"]);
+    place.ok(&["tiles", "g.asc", "t", "--nodata", "-32768", "--overwrite", "-q"]);
 }
 
 /// Large ones, beside borders of tiles, in steep land: levels differ by no more than their errors there, either.

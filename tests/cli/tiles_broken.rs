@@ -285,6 +285,7 @@ fn there_is_a_change_for_every_fault() {
     let all = of_tiles.chain(others).chain(crate::tiles_three::named());
     let all: Vec<_> =
         all.chain(crate::tiles_skirts::NAMED).chain(crate::tiles_water::NAMED).collect();
+    let all = [all, crate::tiles_fields::NAMED.to_vec()].concat();
     for (fault, _, told) in Fault::ALL {
         let of_three = told.replace("layer.json", "tileset.json");
         let is_it = |what: &&str| told.contains(what) || of_three.contains(what);
@@ -347,7 +348,7 @@ fn wrong_lists_of_what_is_below_are_named() {
 }
 
 #[test]
-fn files_that_are_no_tiles_are_errors_with_their_place() {
+fn files_that_are_no_tiles_are_named_and_the_others_proved() {
     let place = sound();
     let path = tile(&place);
     let name = path.file_name().unwrap().to_str().unwrap();
@@ -393,9 +394,12 @@ fn files_that_are_no_tiles_are_errors_with_their_place() {
     lies.push(damaged);
     for (i, lie) in lies.iter().enumerate() {
         fs::write(&path, lie).unwrap();
-        let ran = place.run(&["verify", "t", "dem.asc", "-q"]);
-        assert!([65, 75].contains(&ran.code), "{i}: {} {}", ran.code, ran.err);
-        assert!(ran.err.contains(name) && ran.err.lines().count() == 1, "{i}: {}", ran.err);
+        let ran = place.run(&["verify", "t", "dem.asc", "--json"]);
+        let told = parsed(&ran.out);
+        let failures = told["failures"].as_array().unwrap();
+        assert!(ran.code == 1 && failures.len() == 1, "{i}: {} {told}", ran.code);
+        let says = |word: &str| failures[0].as_str().unwrap().contains(word);
+        assert!(says(name) && says("cannot be read"), "{i}: {told}");
     }
     // The same bytes, packed, are the same tile, and nothing else is wrong with it.
     fs::write(&path, sound).unwrap();

@@ -1,5 +1,6 @@
 //! Where the samples of a grid are on the globe, and how high.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use crate::Resources;
@@ -48,8 +49,16 @@ impl OnGlobe {
             let map = into_world(info.transform, whole);
             return check_world(&map, whole).map(|()| (Self::Straight(map), notes));
         }
+        check_body(crs)?;
         let operation = Operation::to_wgs84(crs, Some(extent_of(info))).map_err(|error| {
-            error.remedy("take a part of it, or transform it first: gdalwarp -t_srs EPSG:4326")
+            // Of a system that is known nowhere no part is, either.
+            error.remedy(match Operation::to_wgs84(crs, None) {
+                Ok(_) => "take a part of it, or transform it first: gdalwarp -t_srs EPSG:4326",
+                Err(_) => {
+                    "give it the system that it is in (gdal_edit.py -a_srs), or transform it \
+                     first: gdalwarp -t_srs EPSG:4326"
+                }
+            })
         })?;
         notes.push(match operation.accuracy() {
             Some(0.0) => format!("samples are brought from {} to WGS 84", crs.label()),
@@ -62,6 +71,21 @@ impl OnGlobe {
         notes.extend_from_slice(operation.notes());
         Ok((Self::Moved(info.transform, Box::new(operation)), notes))
     }
+}
+
+/// Fails for a system of another body than the earth.
+fn check_body(crs: &Crs) -> Result<()> {
+    /// The radii of all ellipsoids of the earth that are in use, in metres.
+    const EARTH: RangeInclusive<f64> = 6.35e6..=6.40e6;
+    let Ok(conversion) = crs.conversion() else { return Ok(()) };
+    let axis = conversion.datum.axis;
+    if EARTH.contains(&axis) {
+        return Ok(());
+    }
+    let (name, label) = (conversion.datum.name.replace('_', " "), crs.label());
+    let message = format!("is not on the earth: the radius of {label} (datum {name}) is {axis} m");
+    Err(Error::unsupported(message)
+        .remedy("tiles are of the globe WGS 84; make a mesh of it: terrane tin"))
 }
 
 /// What brings the heights of a grid to metres above the ellipsoid.

@@ -48,6 +48,8 @@ struct Stop {
     is_post: bool,
     /// Steps of the level.
     height: i32,
+    /// The height in metres before it is rounded.
+    metres: f64,
     upright: Upright,
     point: Vector,
 }
@@ -84,11 +86,11 @@ pub(crate) fn along(part: u32, parts: u32) -> i32 {
 /// Places where the ground bends, and posts. Where nothing is known, what stands for it counts alike and goes on in
 /// the same straight lines, so that borders of different levels are as near to each other there as elsewhere.
 fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<Stop> {
-    let stop = |along: i32, height: f64, is_post: bool| {
-        let height = level.steps(height);
+    let stop = |along: i32, metres: f64, is_post: bool| {
+        let height = level.steps(metres);
         let upright = Upright::at(tile.place(side.position(along)));
         let point = upright.point(f64::from(height) * level.step);
-        Stop { along, is_post, height, upright, point }
+        Stop { along, is_post, height, metres, upright, point }
     };
     let post = |part: u32| {
         let along = along(part, level.posts);
@@ -104,9 +106,36 @@ fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<S
         stops.push(stop(along.clamp(0, STEPS), height, false));
     });
     // Of those at one position a post counts, or else the first.
-    stops.sort_by_key(|stop| (stop.along, !stop.is_post));
-    stops.dedup_by_key(|stop| stop.along);
+    let sort = |stops: &mut Vec<Stop>| {
+        stops.sort_by_key(|stop| (stop.along, !stop.is_post));
+        stops.dedup_by_key(|stop| stop.along);
+    };
+    sort(&mut stops);
+    let fallen = |stop: &Stop| ground.beyond(tile.place(side.position(stop.along)));
+    let feet = feet(&stops, fallen);
+    if !feet.is_empty() {
+        stops.extend(feet.into_iter().map(|along| stop(along, 0.0, false)));
+        sort(&mut stops);
+    }
     stops
+}
+
+/// Where ground that falls beyond a grid reaches the ellipsoid: between two stops both the height at the edge and how
+/// far it has fallen grow or shrink evenly.
+fn feet(stops: &[Stop], fallen: impl Fn(&Stop) -> Option<[f64; 2]>) -> Vec<i32> {
+    let found: Vec<_> = stops.iter().map(fallen).collect();
+    let mut feet = Vec::new();
+    for (two, of) in stops.windows(2).zip(found.windows(2)).filter(|(_, of)| **of != [None; 2]) {
+        let ends = [0, 1].map(|end| of[end].unwrap_or([two[end].metres, 0.0]));
+        for sign in [1.0, -1.0] {
+            let [a, b] = ends.map(|[height, fall]| height - sign * fall);
+            if a * b < 0.0 && (b - a).is_finite() {
+                let [from, to] = [two[0].along, two[1].along].map(f64::from);
+                feet.push((from + (to - from) * (a / (a - b))).round() as i32);
+            }
+        }
+    }
+    feet
 }
 
 /// The stop between two that is furthest from the straight line between them, where it is further than one goal, or

@@ -3,10 +3,12 @@
 //! Rows and columns that are parallels and meridians are straight; those of any other system are bent: they are known
 //! at nodes, and in between by polynomials of the third degree, which follow a projection to less than a hair.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::globe::{Turn, Upright, Vector, bend};
 use crate::ground::Sample;
+use crate::outline::{crossings, metres, outline, spacing};
+use crate::table::Table;
 use crate::tiling::Bounds;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -28,6 +30,28 @@ const ALONG: u32 = 4;
 pub struct Chart {
     whole: [u32; 2],
     way: Way,
+    /// Metres that heights fall for each metre beyond the grid.
+    slope: f64,
+}
+
+/// A place among the samples of a grid; beyond it, the nearest one at its edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Spot {
+    /// Columns and rows.
+    pub(crate) at: [f64; 2],
+    /// Metres that heights have come nearer to the ellipsoid.
+    pub(crate) fall: f64,
+}
+
+impl Spot {
+    /// The height at the place, of that at the edge.
+    pub(crate) fn lower(&self, height: f64) -> f64 {
+        if self.fall == 0.0 {
+            height
+        } else {
+            height.signum() * (height.abs() - self.fall).max(0.0)
+        }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -47,13 +71,27 @@ struct Bent {
     spacing: f64,
     /// Degrees between the places on a border that are looked at.
     stop: f64,
+    /// Metres that places between nodes are off by, at the most.
+    off: OnceLock<f64>,
 }
 
 impl Chart {
     /// Of a grid of columns and rows, which `map` takes to longitudes and latitudes without turning it.
     pub fn straight(map: Affine, whole: [u32; 2]) -> Self {
         debug_assert!(map.b == 0.0 && map.d == 0.0);
-        Self { whole, way: Way::Straight(map) }
+        Self { whole, way: Way::Straight(map), slope: 0.0 }
+    }
+
+    /// The same with ground beyond the grid that falls to the ellipsoid, so many metres for each metre along the
+    /// meridian and the parallel; level where that is 0.
+    #[must_use]
+    pub fn sloping(self, slope: f64) -> Self {
+        Self { slope, ..self }
+    }
+
+    /// How steep the ground falls beyond the grid.
+    pub fn slope(&self) -> f64 {
+        self.slope
     }
 
     /// Of a grid of columns and rows, which `to` takes to longitudes and latitudes in degrees, and `back` from there.
@@ -77,7 +115,13 @@ impl Chart {
         for between in BETWEEN {
             let parts = ends.map(|end| end.div_ceil(between).clamp(PARTS[0], PARTS[1]));
             let chart = Self::of_parts(whole, parts, &to, &back)?;
-            found = chart.check(parts, &to).map(|()| chart);
+            found = chart.check(parts, &to).map(|off| match &chart.way {
+                Way::Bent(bent) => {
+                    bent.off.set(off).unwrap_or_default();
+                    chart
+                }
+                Way::Straight(_) => chart,
+            });
             if found.is_ok() {
                 break;
             }
@@ -103,12 +147,12 @@ impl Chart {
         let samples = Table::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
         // Half of what a sample takes at the most, and a part of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
-        let bent = Bent { upright, samples, bounds, spacing, stop };
-        Ok(Self { whole, way: Way::Bent(Arc::new(bent)) })
+        let bent = Bent { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
+        Ok(Self { whole, way: Way::Bent(Arc::new(bent)), slope: 0.0 })
     }
 
-    /// Fails where places between nodes are not where they should be.
-    fn check(&self, parts: [u32; 2], to: impl Fn([f64; 2]) -> Result<[f64; 2]>) -> Result<()> {
+    /// Fails where places between nodes are not where they should be. Metres that they are off by, at the most.
+    fn check(&self, parts: [u32; 2], to: impl Fn([f64; 2]) -> Result<[f64; 2]>) -> Result<f64> {
         /// Places that are looked at along an axis, at most.
         const MOST: u32 = 64;
         let too_bent = |off: f64, unit: &str| {
@@ -117,6 +161,7 @@ impl Chart {
             ))
             .remedy("take it in parts, or transform it with gdalwarp -t_srs EPSG:4326")
         };
+        let mut most = 0.0_f64;
         for row in (0..parts[1]).step_by(parts[1].div_ceil(MOST) as usize) {
             for col in (0..parts[0]).step_by(parts[0].div_ceil(MOST) as usize) {
                 // Samples halfway between nodes.
@@ -130,6 +175,7 @@ impl Chart {
                 if off > OFF {
                     return Err(too_bent(off, "m"));
                 }
+                most = most.max(off);
                 let back = self.at(place);
                 let off = (back[0] - at[0]).abs().max((back[1] - at[1]).abs());
                 if off.is_nan() || off > OFF_BACK {
@@ -137,7 +183,17 @@ impl Chart {
                 }
             }
         }
-        Ok(())
+        Ok(most)
+    }
+
+    /// Metres that places of samples may be off by.
+    pub fn doubt(&self) -> f64 {
+        /// Rounding: some places of a number of the size of the earth.
+        const ROUNDED: f64 = 1e-8;
+        match &self.way {
+            Way::Straight(_) => ROUNDED,
+            Way::Bent(bent) => ROUNDED + bent.off.get().unwrap_or(&OFF),
+        }
     }
 
     /// Columns and rows.
@@ -225,28 +281,50 @@ impl Chart {
     /// Columns and rows from the first sample to a place. Of a bent grid, to the nearest place of the rectangle that
     /// all samples lie in; not a number where there is none.
     pub(crate) fn at(&self, place: [f64; 2]) -> [f64; 2] {
-        // 180 degrees is one meridian, whichever side of it the samples are on.
-        let place = match place[0] == 180.0 && self.bounds().east < 180.0 {
-            true => [-180.0, place[1]],
-            false => place,
-        };
+        let place = self.on_one_side(place);
         match &self.way {
             Way::Straight(map) => map.invert(place[0], place[1]),
             Way::Bent(bent) => bent.samples.at(bent.bounds.nearest(place)),
         }
     }
 
-    /// The same; a hair beside a sample is on it, and beyond the grid its edge goes on. `None` where there is none.
-    pub(crate) fn within(&self, place: [f64; 2]) -> Option<[f64; 2]> {
+    /// 180 degrees is one meridian, whichever side of it the samples are on.
+    fn on_one_side(&self, place: [f64; 2]) -> [f64; 2] {
+        match place[0] == 180.0 && self.bounds().east < 180.0 {
+            true => [-180.0, place[1]],
+            false => place,
+        }
+    }
+
+    /// The same; a hair beside a sample is on it. Where there are no columns and rows it is as at the first sample.
+    pub(crate) fn within(&self, place: [f64; 2]) -> Spot {
         let at = self.at(place);
         if at[0].is_nan() || at[1].is_nan() {
-            return None;
+            let fall = if self.slope > 0.0 { f64::INFINITY } else { 0.0 };
+            return Spot { at: [0.0; 2], fall };
         }
-        Some([0, 1].map(|axis: usize| {
-            let near = at[axis].round();
-            let along = if (at[axis] - near).abs() < HAIR { near } else { at[axis] };
-            along.clamp(0.0, f64::from(self.whole[axis] - 1))
-        }))
+        let near = at.map(|at| if (at - at.round()).abs() < HAIR { at.round() } else { at });
+        let clamp = |axis: usize| near[axis].clamp(0.0, f64::from(self.whole[axis] - 1));
+        let at = [0, 1].map(clamp);
+        let is_beside = match &self.way {
+            Way::Straight(_) => false,
+            Way::Bent(bent) => !bent.bounds.holds(place),
+        };
+        let fall = match self.slope > 0.0 && (is_beside || at != near) {
+            true => self.slope * metres(self.on_one_side(place), self.place(at)),
+            false => 0.0,
+        };
+        Spot { at, fall }
+    }
+
+    /// The place so many metres out from a sample at the edge, along the columns or rows that end there; `inwards` is 1
+    /// where these begin with it and -1 where they end.
+    pub(crate) fn outside(&self, at: [f64; 2], axis: usize, inwards: f64, far: f64) -> [f64; 2] {
+        let (edge, mut inner) = (self.place(at), at);
+        inner[axis] += inwards;
+        let inner = self.place(inner);
+        let share = far / metres(inner, edge);
+        [0, 1].map(|axis: usize| edge[axis] + (edge[axis] - inner[axis]) * share)
     }
 
     /// The lowest and the highest column and row that places of a rectangle may have, in parts of samples.
@@ -322,113 +400,24 @@ impl Chart {
             stop(origin + i * bent.stop);
             i += 1.0;
         }
-    }
-}
-
-/// Degrees, as along the equator, between samples that are nearest to each other.
-fn spacing(upright: &Table<3>) -> f64 {
-    let [cols, rows] = upright.parts.map(|parts| parts as usize);
-    let mut least = f64::INFINITY;
-    for row in 0..=rows {
-        for col in 0..=cols {
-            let here = Vector(upright.node([col, row]));
-            for (axis, next) in [[col + 1, row], [col, row + 1]].into_iter().enumerate() {
-                if next[axis] <= [cols, rows][axis] {
-                    let off = (Vector(upright.node(next)) - here).length();
-                    least = least.min(off / upright.step[axis]);
+        // Where it crosses a row or a column of samples the ground may have a peak.
+        let at = |along: f64| {
+            let mut place = from;
+            place[axis] = along;
+            self.at(place)
+        };
+        let (mut i, mut here) = (first.floor(), at(origin + first.floor() * bent.stop));
+        while i < last.ceil() {
+            let ends = [i, i + 1.0].map(|i| origin + i * bent.stop);
+            let next = at(ends[1]);
+            for crossing in (0..2).flat_map(|axis| crossings(ends, [here[axis], next[axis]])) {
+                if (a..=b).contains(&crossing) {
+                    stop(crossing);
                 }
             }
+            (i, here) = (i + 1.0, next);
         }
     }
-    least.to_degrees()
-}
-
-/// What all samples lie in.
-///
-/// # Errors
-/// Samples on both sides of 180 degrees.
-fn outline([width, height]: [u32; 2], upright: &Table<3>, spacing: f64) -> Result<Bounds> {
-    let place =
-        |col: u32, row: u32| Upright::along(Vector(upright.at([col, row].map(f64::from)))).place();
-    let across = |row: u32| (0..width).map(|col| place(col, row)).collect::<Vec<_>>();
-    let down = |col: u32| (0..height).map(|row| place(col, row)).collect::<Vec<_>>();
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for side in [across(0), across(height - 1), down(0), down(width - 1)] {
-        if side.windows(2).any(|two| (two[0][0] - two[1][0]).abs() > 180.0) {
-            return Err(Error::unsupported("lies across 180 degrees, or around a pole")
-                .remedy("take what lies on either side for itself"));
-        }
-        for place in side {
-            for axis in 0..2 {
-                (low[axis], high[axis]) = (low[axis].min(place[axis]), high[axis].max(place[axis]));
-            }
-        }
-    }
-    // Sides bow out a little between samples, and those within may lie behind that.
-    let bow = 1e-11 + spacing * spacing / 10.0;
-    Ok(Bounds {
-        west: (low[0] - bow).max(-180.0),
-        south: (low[1] - bow).max(-90.0),
-        east: (high[0] + bow).min(180.0),
-        north: (high[1] + bow).min(90.0),
-    })
-}
-
-/// Values at nodes of a lattice, and between them by polynomials of the third degree through four nodes each way.
-#[derive(Debug)]
-struct Table<const N: usize> {
-    from: [f64; 2],
-    step: [f64; 2],
-    parts: [u32; 2],
-    nodes: Vec<[f64; N]>,
-}
-
-impl<const N: usize> Table<N> {
-    /// Of a function on a rectangle that is divided into parts.
-    fn new(
-        sides: [[f64; 2]; 2],
-        parts: [u32; 2],
-        of: impl Fn([f64; 2]) -> Result<[f64; N]>,
-    ) -> Result<Self> {
-        let from = sides.map(|[low, _]| low);
-        let step =
-            [0, 1].map(|axis: usize| (sides[axis][1] - sides[axis][0]) / f64::from(parts[axis]));
-        let place = |axis: usize, part: u32| from[axis] + step[axis] * f64::from(part);
-        let all = (0..=parts[1]).flat_map(|row| (0..=parts[0]).map(move |col| (col, row)));
-        let nodes = all.map(|(col, row)| of([place(0, col), place(1, row)]));
-        Ok(Self { from, step, parts, nodes: nodes.collect::<Result<_>>()? })
-    }
-
-    fn node(&self, [col, row]: [usize; 2]) -> [f64; N] {
-        self.nodes[row * (self.parts[0] as usize + 1) + col]
-    }
-
-    fn bytes(&self) -> u64 {
-        (self.nodes.len() * size_of::<[f64; N]>()) as u64
-    }
-
-    fn at(&self, at: [f64; 2]) -> [f64; N] {
-        let [(left, across), (top, down)] = [0, 1].map(|axis: usize| {
-            let part = (at[axis] - self.from[axis]) / self.step[axis];
-            let first = (part.floor() - 1.0).clamp(0.0, f64::from(self.parts[axis] - 3));
-            (first as usize, weights(part - first))
-        });
-        let mut sum = [0.0; N];
-        for (row, by_row) in down.into_iter().enumerate() {
-            let from = (top + row) * (self.parts[0] as usize + 1) + left;
-            for (node, by_col) in self.nodes[from..from + 4].iter().zip(across) {
-                let by = by_row * by_col;
-                (0..N).for_each(|i| sum[i] += node[i] * by);
-            }
-        }
-        sum
-    }
-}
-
-/// What four nodes count for at a place, in steps from the first.
-fn weights(at: f64) -> [f64; 4] {
-    let [a, b, c, d] = [at, at - 1.0, at - 2.0, at - 3.0];
-    [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0]
 }
 
 #[cfg(test)]
@@ -475,7 +464,7 @@ pub(crate) mod tests {
                 let (place, found) = (to(at), chart.sample(at, 0.0));
                 assert!((0..2).all(|axis| (found.place[axis] - place[axis]).abs() < 1e-8));
                 assert!(chart.bounds().holds(found.place));
-                let back = chart.within(place).unwrap();
+                let back = chart.within(place).at;
                 assert!((0..2).all(|axis| (back[axis] - at[axis]).abs() < 2e-3), "{at:?} {back:?}");
                 let beside = chart.sample([at[0] + 1.0, at[1]], 0.0).upright.point(0.0);
                 let off = (beside - found.upright.point(0.0)).length();

@@ -6,10 +6,10 @@ use crate::border::Side;
 use crate::globe::{EQUATOR, Upright, Vector};
 use crate::ground::Ground;
 use crate::horizon;
-use crate::level::{Level, shallower};
+use crate::level::Level;
 use crate::surface::{Tile, Vertex};
 use crate::tiling::{self, STEPS};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Number of the extension with a normal for each vertex.
 const NORMALS: u8 = 1;
@@ -27,6 +27,9 @@ const SHORT: usize = 1 << 16;
 const MOST_HALVINGS: u32 = 14;
 /// Part of the way along a meridian that one along a parallel has to be for slopes to be told of it.
 const NARROWEST: f64 = 0.01;
+/// How steep the ground may be that a normal tells of: two bytes turn it by up to a degree, and it has to point outwards
+/// still.
+const STEEPEST: f64 = 32.0;
 /// Places that the error is told to.
 const PLACES: i32 = 3;
 
@@ -46,8 +49,8 @@ impl Heights {
     pub(crate) fn of(tile: &Tile) -> Result<Self> {
         Self::fitting(tile).ok_or_else(|| {
             let tiling::TileId { level, x, y } = tile.id;
-            Error::usage(format!("tile {level}/{x}/{y} is steeper than a tile can hold"))
-                .remedy(shallower(level))
+            let message = format!("tile {level}/{x}/{y} is higher than its steps can tell");
+            Error::new(ErrorKind::Internal, message)
         })
     }
 
@@ -131,7 +134,7 @@ pub fn quantized_mesh<G: Ground>(
         out.extend((mask.len() as u32).to_le_bytes());
         out.extend_from_slice(mask);
     }
-    metadata(tile.measure.largest, extras.available, &mut out);
+    metadata(stated(tile), extras.available, &mut out);
     Ok(out)
 }
 
@@ -235,7 +238,9 @@ pub(crate) fn normal(place: [f64; 2], level: &Level, ground: &impl Ground) -> Ve
         let least = 2.0 * by.to_radians() * EQUATOR * NARROWEST;
         if length > least { rise / length } else { 0.0 }
     };
-    (upright.normal - east * slope(0) - north * slope(1)).unit()
+    let slopes = [slope(0), slope(1)];
+    let share = (STEEPEST / slopes[0].hypot(slopes[1])).min(1.0);
+    (upright.normal - east * (slopes[0] * share) - north * (slopes[1] * share)).unit()
 }
 
 /// A direction in two bytes: its octahedron, unfolded (Cigolle et al. 2014, "A Survey of Efficient Representations
@@ -251,11 +256,17 @@ fn octants(direction: Vector) -> [u8; 2] {
     [x, y].map(|value| ((value.clamp(-1.0, 1.0) * 0.5 + 0.5) * 255.0).round() as u8)
 }
 
-/// Tells the error, rounded up, and what tiles there are below.
+/// The error of a tile, rounded up, but not beyond what clients assume.
+fn stated(tile: &Tile) -> f64 {
+    let (error, scale) = (tile.measure.largest, 10_f64.powi(PLACES));
+    let rounded = (error * scale).ceil() / scale;
+    if rounded <= tiling::level_error(tile.id.level) { rounded } else { error }
+}
+
+/// Tells the error, and what tiles there are below.
 fn metadata(error: f64, available: Option<&str>, out: &mut Vec<u8>) {
-    let scale = 10_f64.powi(PLACES);
     let below = available.map_or(String::new(), |text| format!(r#","available":{text}"#));
-    let text = format!(r#"{{"error":{}{below}}}"#, (error * scale).ceil() / scale);
+    let text = format!(r#"{{"error":{error}{below}}}"#);
     out.push(METADATA);
     out.extend((text.len() as u32 + 4).to_le_bytes());
     out.extend((text.len() as u32).to_le_bytes());

@@ -41,8 +41,12 @@ pub struct Form {
 }
 
 /// A level whose tiles two bytes can number the coordinates of, as far as that is fine enough for its heights; those
-/// of larger tiles are written in single precision.
+/// of larger tiles are written in single precision, and those of steep ground, whose vertices would be rounded across each
+/// other.
 pub fn in_shorts(level: Level) -> Level {
+    if level.is_steep {
+        return level;
+    }
     let coarser = |lattice: f64| (lattice * COARSER).min(level.step / 2.0).max(lattice);
     Level { lattice: level.lattice.map(coarser), ..level }
 }

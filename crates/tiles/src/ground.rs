@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::chart::Chart;
+use crate::chart::{Chart, Spot};
 use crate::globe::Upright;
 use crate::run::{Column, Parallel, Row, Run};
 use crate::tiling::Bounds;
@@ -31,7 +31,7 @@ impl Sample {
 /// a border agree on it.
 pub trait Ground {
     /// The height at a place, between the four samples around it; `None` where one of them is void. Beyond the grid
-    /// that of its edge goes on.
+    /// that of its edge goes on, or falls.
     fn height(&self, place: [f64; 2]) -> Option<f64>;
 
     /// The same where some of the four are void: what stands for a void counts as its height. So it goes on without a
@@ -41,6 +41,14 @@ pub trait Ground {
     /// Hands on where the ground bends along the straight line between two places on one meridian or parallel, and
     /// the heights there, as [`height`](Self::height) has them: in between it is straight.
     fn bends(&self, ends: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>));
+
+    /// Beyond a grid where heights fall, the height at the nearest place of its edge, and by how many metres it has
+    /// fallen.
+    fn beyond(&self, place: [f64; 2]) -> Option<[f64; 2]>;
+
+    /// Hands on places in a rectangle where the ground beyond the grid reaches the ellipsoid, one for every
+    /// `stride`-th sample of its edge.
+    fn feet(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample));
 
     /// Hands on every `stride`-th sample in a rectangle, its border included; near ones one after another.
     fn runs(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Run<'_>));
@@ -141,6 +149,10 @@ impl<'a> Patch<'a> {
         height.is_finite().then_some(height)
     }
 
+    fn between(&self, spot: Spot) -> f64 {
+        between(spot.at, self.fill, |[col, row]| self.at(col, row))
+    }
+
     /// Columns and rows that hold all samples in a rectangle, the last ones excluded; where rows are parallels, no
     /// others.
     fn ranges(&self, bounds: &Bounds) -> [[u32; 2]; 2] {
@@ -188,16 +200,25 @@ impl<'a> Patch<'a> {
 
 impl Ground for Patch<'_> {
     fn height(&self, place: [f64; 2]) -> Option<f64> {
-        let mut sum = 0.0;
-        for ([col, row], part) in around(self.chart.within(place)?) {
+        let (spot, mut sum) = (self.chart.within(place), 0.0);
+        for ([col, row], part) in around(spot.at) {
             sum += part * self.at(col, row)?;
         }
-        Some(sum)
+        Some(spot.lower(sum))
     }
 
     fn filled(&self, place: [f64; 2]) -> f64 {
-        let at = self.chart.within(place);
-        between(at, self.fill, |[col, row]| self.at(col, row))
+        let spot = self.chart.within(place);
+        spot.lower(self.between(spot))
+    }
+
+    fn beyond(&self, place: [f64; 2]) -> Option<[f64; 2]> {
+        let spot = self.chart.within(place);
+        (spot.fall > 0.0).then(|| [self.between(spot), spot.fall])
+    }
+
+    fn feet(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+        feet(self, (self.chart, self.rect), (bounds, stride), found);
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
@@ -251,14 +272,52 @@ pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f6
 }
 
 /// The height at a place in columns and rows, between samples or what stands for them.
-pub(crate) fn between(
-    at: Option<[f64; 2]>,
-    fill: &Fill,
-    sample: impl Fn([u32; 2]) -> Option<f64>,
-) -> f64 {
-    // Where there are no columns and rows, it is as at the first sample.
+pub(crate) fn between(at: [f64; 2], fill: &Fill, sample: impl Fn([u32; 2]) -> Option<f64>) -> f64 {
     let known = |at: [u32; 2]| sample(at).unwrap_or_else(|| fill.at(at.map(f64::from)));
-    around(at.unwrap_or_default()).map(|(at, part)| part * known(at)).sum()
+    around(at).map(|(at, part)| part * known(at)).sum()
+}
+
+/// Hands on, for every `stride`-th sample in `rect` at the edge of the grid, the place outside where the ground reaches
+/// the ellipsoid.
+pub(crate) fn feet(
+    ground: &impl Ground,
+    (chart, rect): (&Chart, Rect),
+    (bounds, stride): (&Bounds, u32),
+    found: &mut impl FnMut(Sample),
+) {
+    if chart.slope() == 0.0 {
+        return;
+    }
+    let parts = [rect.col..rect.end_col(), rect.row..rect.end_row()];
+    // Where rows are parallels feet are on the meridian or parallel of their samples.
+    let near = |axis: usize| match chart.is_bent() {
+        true => parts[axis].clone(),
+        false => {
+            let [low, high] = chart.range(bounds)[axis];
+            let (first, end) = (low.floor().max(0.0) as u32, high.ceil().max(0.0) as u32 + 1);
+            first.max(parts[axis].start)..end.min(parts[axis].end)
+        }
+    };
+    for axis in 0..2 {
+        let (ends, along) = (&parts[axis], near(1 - axis));
+        let last = chart.whole()[axis] - 1;
+        for (end, inwards) in
+            [(0, 1.0), (last, -1.0)].into_iter().filter(|(at, _)| ends.contains(at))
+        {
+            let strided =
+                (along.start.next_multiple_of(stride)..along.end).step_by(stride as usize);
+            let last = along.end.checked_sub(1).filter(|last| along.contains(last));
+            for along in strided.chain(last) {
+                let mut at = [f64::from(end); 2];
+                at[1 - axis] = f64::from(along);
+                let far = ground.filled(chart.place(at)).abs() / chart.slope();
+                let place = chart.outside(at, axis, inwards, far);
+                if bounds.holds(place) {
+                    found(Sample::new(place, ground.filled(place)));
+                }
+            }
+        }
+    }
 }
 
 /// Heights that stand for those of voids and of what lies beyond the grid: means of squares of samples, and where
@@ -386,6 +445,21 @@ fn filled(sums: &[(i128, u64)], [width, height]: [usize; 2]) -> Option<Vec<f64>>
 }
 
 impl Fill {
+    /// The lowest and the highest that it may have in a rectangle of samples.
+    pub(crate) fn ends(&self, rect: Rect) -> [f64; 2] {
+        let along = |first: u32, count: u32, most: u32| {
+            let last = (first + count - 1) / self.square + 1;
+            (first / self.square).saturating_sub(1)..last.min(most - 1) + 1
+        };
+        let (cols, rows) =
+            (along(rect.col, rect.width, self.width), along(rect.row, rect.height, self.height));
+        let all = rows.flat_map(|row| cols.clone().map(move |col| row * self.width + col));
+        let means = all.map(|square| self.means[square as usize]);
+        means.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], mean| {
+            [low.min(mean), high.max(mean)]
+        })
+    }
+
     /// At a place of the grid, in samples; beyond the grid as at its border.
     pub fn at(&self, place: [f64; 2]) -> f64 {
         let along = |axis: usize, count: u32| {

@@ -4,7 +4,6 @@
 use crate::globe::EQUATOR;
 use crate::surface::nearest;
 use crate::tiling;
-use terrane_base::error::{Error, Result};
 
 /// Samples that a tile has along a side when it is first made, at least, where there are as many.
 const FINENESS: f64 = 256.0;
@@ -25,13 +24,35 @@ const SINGLE: f64 = ((1_u32 << 24) - 4) as f64;
 const STEPS_OF_POSITION: f64 = 32.0;
 /// Steps of heights up or down, so that single precision holds the lowest and the highest of each tile.
 const MOST_STEPS: f64 = 8_000_000.0;
+/// Metres for a metre from which on the ground is steep.
+const STEEP: f64 = 16.0;
+/// Steps of heights in a tile, less those of skirts.
+const STEPS_OF_TILE: f64 = 32_000.0;
+
+/// What a level has to hold of the ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Relief {
+    /// Metres up or down from the ellipsoid, at the most.
+    pub reach: f64,
+    /// Metres between the lowest and the highest vertex of a tile, at the most.
+    pub range: f64,
+    /// Metres of error below which tiles would have too many vertices.
+    pub rough: f64,
+    /// Metres that places of samples may be off by.
+    pub doubt: f64,
+    /// Metres between the heights of two neighbouring samples, at the most.
+    pub jump: f64,
+}
 
 /// A level of detail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// Its number.
     pub level: u8,
-    /// Metres that no sample may be further from the surface; what clients assume.
+    /// Metres that clients assume it to be off by.
+    pub assumed: f64,
+    /// Metres that samples are brought within, as far as positions tell them apart: what clients assume, or more where
+    /// the ground is so rough that tiles would have too many vertices, or so high that steps are too large.
     pub tolerance: f64,
     /// Metres of a step of heights: a power of two. All heights of the level are whole numbers of it.
     pub step: f64,
@@ -46,37 +67,58 @@ pub struct Level {
     pub lattice: Option<f64>,
     /// Steps of heights that skirts hang down, where tiles have such.
     pub skirt: i32,
+    /// Metres that places of samples may be off by: the steeper a triangle, the more a sample may be further from it.
+    pub doubt: f64,
+    /// The ground is so steep that vertices lie next to each other.
+    pub is_steep: bool,
 }
 
 impl Level {
-    /// Level `level` of a ground whose samples are so many degrees apart, and whose heights reach so many metres
-    /// up or down.
-    ///
-    /// # Errors
-    /// A level too deep for heights that large.
-    pub fn new(level: u8, spacing: f64, reach: f64) -> Result<Self> {
-        let tolerance = tiling::level_error(level);
-        let step = power_below(tolerance / STEPS_OF_ERROR);
-        if reach / step > MOST_STEPS {
-            let what = format!("heights of {reach:e} m are more than can be told apart");
-            return Err(Error::usage(format!("{what} at level {level}")).remedy(shallower(level)));
-        }
+    /// Level `level` of a ground whose samples are so many degrees apart.
+    pub fn new(level: u8, spacing: f64, relief: &Relief) -> Self {
+        let assumed = tiling::level_error(level);
+        let step = power_below(assumed / STEPS_OF_ERROR)
+            .max(power_above(relief.range / STEPS_OF_TILE))
+            .max(power_above(relief.reach / MOST_STEPS));
         let across = tiling::degrees(level) / spacing;
         let stride = power_below(across / FINENESS).max(1.0) as u32;
         // A chord of length L is L^2 / 8 R below an arc.
-        let chord = (8.0 * EQUATOR * SAG * tolerance).sqrt();
+        let chord = (8.0 * EQUATOR * SAG * assumed).sqrt();
         let arc = tiling::degrees(level).to_radians() * EQUATOR;
         let posts = power_above(arc / chord).max(1.0) as u32;
         let slope = spacing * f64::from(stride);
-        Ok(Self { level, tolerance, step, stride, posts, slope, lattice: None, skirt: 0 })
+        let tolerance = assumed.max(relief.rough).max(2.0 * step);
+        // Neighbours become vertices where they are a good part of the error apart, or where the place of a sample is
+        // rounded by more than that.
+        let samples = tiling::degrees(level) / f64::from(tiling::STEPS) / spacing;
+        let is_high = relief.jump * (4.0 * samples).max(1.0) > assumed / 4.0;
+        let is_steep = is_high && relief.jump > STEEP * spacing.to_radians() * EQUATOR;
+        let (lattice, skirt, doubt) = (None, 0, relief.doubt);
+        Self {
+            level,
+            assumed,
+            tolerance,
+            step,
+            stride,
+            posts,
+            slope,
+            lattice,
+            skirt,
+            doubt,
+            is_steep,
+        }
     }
 
-    /// The same level with skirts as deep as its error and that of the next coarser level together, which borders of
-    /// the two differ by at the most.
+    /// Metres that a border may differ by from one of the next coarser level, less those of that one.
+    pub fn apart(&self) -> f64 {
+        self.assumed.max(self.step)
+    }
+
+    /// The same level with skirts as deep as borders of it and the next coarser level may differ.
     #[must_use]
-    pub fn with_skirts(self) -> Self {
-        let coarser = self.level.checked_sub(1).map_or(0.0, tiling::level_error);
-        Self { skirt: ((self.tolerance + coarser) / self.step).ceil() as i32, ..self }
+    pub fn with_skirts(self, coarser: Option<&Self>) -> Self {
+        let apart = self.apart() + coarser.map_or(0.0, Self::apart);
+        Self { skirt: (apart / self.step).ceil() as i32, ..self }
     }
 
     /// Metres that skirts hang down.
@@ -88,23 +130,19 @@ impl Level {
     /// on which those of a tile, counted from its middle, are exact in single precision. Vertices of two tiles that
     /// are at one place are then decoded to one point, bit by bit.
     ///
-    /// # Errors
-    /// A level too deep for heights that far apart.
-    pub fn on_lattice(self, range: [f64; 2]) -> Result<Self> {
+    /// Where that is coarse, steps of heights and the tolerance are, too.
+    #[must_use]
+    pub fn on_lattice(self, range: [f64; 2]) -> Self {
         let [low, high] = [range[0] - self.skirt_depth(), range[1]];
         let earth = EQUATOR + high.max(0.0);
         // A tile lies within a square as wide as it is at the equator, and within the earth.
         let arc = tiling::degrees(self.level).to_radians() * earth;
         let across = (arc * 2_f64.sqrt()).min(2.0 * earth) + (high - low) + 2.0 * self.step;
         let lattice = power_above(across / 2.0 / SINGLE);
-        if lattice > self.tolerance / STEPS_OF_POSITION {
-            let message = format!(
-                "heights from {low} to {high} m are too far apart for level {}",
-                self.level
-            );
-            return Err(Error::usage(message).remedy("pass a smaller --max-level"));
-        }
-        Ok(Self { lattice: Some(lattice), ..self })
+        let step = self.step.max(2.0 * lattice);
+        let tolerance = self.tolerance.max(STEPS_OF_POSITION * lattice);
+        let skirt = (self.skirt_depth() / step).ceil() as i32;
+        Self { lattice: Some(lattice), step, tolerance, skirt, ..self }
     }
 
     /// Metres that the kernel counts in.
@@ -114,12 +152,16 @@ impl Level {
 
     /// Metres that the kernel may be off by, so that what it makes is within the tolerance once it is rounded.
     pub(crate) fn goal(&self) -> f64 {
-        self.tolerance * (1.0 - OF_ROUNDING) - self.step / 2.0
+        self.off(self.tolerance)
     }
 
-    /// The same along borders.
+    /// The same along borders, which are no further off than clients assume, so that they meet those of other levels.
     pub(crate) fn border_goal(&self) -> f64 {
-        self.goal() * OF_BORDERS
+        (self.off(self.assumed) * OF_BORDERS).max(0.0)
+    }
+
+    fn off(&self, tolerance: f64) -> f64 {
+        tolerance * (1.0 - OF_ROUNDING) - self.step / 2.0
     }
 
     /// A height in steps.
@@ -135,14 +177,6 @@ pub fn deepest_for(spacing: f64) -> u8 {
     (0..tiling::DEEPEST).find(is_fine).unwrap_or(tiling::DEEPEST)
 }
 
-/// What may help where a level is too deep for the heights.
-pub(crate) fn shallower(level: u8) -> String {
-    match level.checked_sub(1) {
-        Some(before) => format!("pass --max-level {before}"),
-        None => "check the nodata value and the unit of the heights".to_owned(),
-    }
-}
-
 fn power_below(value: f64) -> f64 {
     value.log2().floor().exp2()
 }
@@ -155,49 +189,78 @@ fn power_above(value: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn relief(reach: f64) -> Relief {
+        Relief { reach, range: 4000.0, ..Relief::default() }
+    }
+
     #[test]
     fn levels_of_a_second_of_arc() {
         let second = 1.0 / 3600.0;
         assert_eq!(deepest_for(second), 14);
-        let level = |level| Level::new(level, second, 4000.0).unwrap();
+        let level = |level| Level::new(level, second, &relief(4000.0));
         assert_eq!((level(14).stride, level(14).posts, level(14).step), (1, 1, 0.125));
         assert_eq!((level(9).stride, level(9).slope), (4, 4.0 * second));
         assert_eq!((level(0).posts, level(0).stride), (32, 2048));
+        assert!((0..=14).all(|number| level(number).tolerance == level(number).assumed));
+    }
+
+    /// However high and rough: steps reach across each tile, and the error is no less than steps allow.
+    #[test]
+    fn every_ground_has_levels() {
+        for number in 0..=tiling::DEEPEST {
+            for reach in [0.0, 1.0, 500.0, 9000.0, 1e6] {
+                for range in [0.0, 0.3, 1.0, 2.0].map(|share| share * reach) {
+                    for rough in [0.0, range] {
+                        let level = Level::new(
+                            number,
+                            1e-6,
+                            &Relief { reach, range, rough, ..Relief::default() },
+                        );
+                        let apart = level.with_skirts(None).on_lattice([-reach, reach]);
+                        for level in [level, apart] {
+                            let Level { step, tolerance, assumed, .. } = level;
+                            assert!(step.log2().fract() == 0.0 && range / step < 32_700.0);
+                            assert!(reach / step < 8.1e6 && tolerance >= assumed.max(rough));
+                            assert!(level.goal() >= 0.49 * tolerance, "{level:?}");
+                            assert!((0.0..assumed).contains(&level.border_goal()), "{level:?}");
+                            assert!(level.lattice.is_none_or(|lattice| 2.0 * lattice <= step));
+                            assert!(step <= (assumed / 32.0).max(tolerance / 2.0));
+                        }
+                    }
+                }
+            }
+        }
     }
 
     #[test]
     fn rounding_takes_a_small_part_of_the_error() {
         for level in 0..=tiling::DEEPEST {
-            let level = Level::new(level, 1e-6, 9000.0).unwrap();
+            let level = Level::new(level, 1e-6, &Relief { range: 50.0, ..relief(9000.0) });
             assert!(level.goal() > 0.97 * level.tolerance && level.border_goal() < level.goal());
         }
-        let told = |level: u8, reach: f64| Level::new(level, 1e-6, reach).unwrap_err().to_string();
-        assert!(told(tiling::DEEPEST, 20_000.0).contains("pass --max-level 19"));
-        assert!(told(0, 1e30).contains("1e30 m") && told(0, 1e30).contains("nodata"));
     }
 
     #[test]
     fn skirts_reach_across_the_errors_of_two_levels() {
+        let mut coarser: Option<Level> = None;
         for number in 0..=tiling::DEEPEST {
-            let level = Level::new(number, 1e-6, 9000.0).unwrap().with_skirts();
-            let coarser = if number == 0 { 0.0 } else { tiling::level_error(number - 1) };
-            let [least, depth] = [level.tolerance + coarser, level.skirt_depth()];
+            let level = Level::new(number, 1e-6, &relief(9000.0)).with_skirts(coarser.as_ref());
+            let least = level.apart() + coarser.map_or(0.0, |coarser| coarser.apart());
+            let depth = level.skirt_depth();
             assert!((least..least + level.step).contains(&depth), "{level:?}");
+            coarser = Some(level);
         }
     }
 
     #[test]
     fn lattices_of_positions_are_fine_and_reach_across_a_tile() {
         for level in 0..=tiling::DEEPEST {
-            let level =
-                Level::new(level, 1e-6, 9000.0).unwrap().on_lattice([-400.0, 9000.0]).unwrap();
+            let level = Level::new(level, 1e-6, &relief(9000.0)).on_lattice([-400.0, 9000.0]);
             let lattice = level.lattice.unwrap();
             assert!(lattice <= level.tolerance / 32.0 && lattice.log2().fract() == 0.0);
             let half =
                 (tiling::degrees(level.level).to_radians() * EQUATOR * 0.7).min(EQUATOR) + 4700.0;
             assert!(half / lattice < 16_777_216.0, "{level:?}");
         }
-        let deepest = Level::new(tiling::DEEPEST, 1e-6, 9000.0).unwrap();
-        assert!(deepest.on_lattice([-80_000.0, 9000.0]).is_err());
     }
 }

@@ -3,8 +3,10 @@
 
 use std::collections::BTreeMap;
 
+use crate::fold::Folds;
 use crate::globe::{POLE, Turn, Vector, beneath};
 use crate::ground::Sample;
+use crate::level::Level;
 use crate::run::{Column, Parallel, Row, Run};
 use crate::surface::Vertex;
 use crate::tiling::{STEPS, TileId};
@@ -38,11 +40,19 @@ impl Measure {
 }
 
 /// A triangle of the surface.
-struct Facet {
-    corners: [Vector; 3],
+pub(crate) struct Facet {
+    pub(crate) corners: [Vector; 3],
     /// At right angles to it; its length is twice the area.
-    across: Vector,
+    pub(crate) across: Vector,
     twins: [u32; 3],
+}
+
+impl Facet {
+    /// How far a sample, whose place may be off by so many metres, is from its plane, along what is upright there.
+    pub(crate) fn off(&self, up: Vector, point: Vector, doubt: f64) -> f64 {
+        let Self { corners, across, .. } = self;
+        (across.dot(corners[0] - point).abs() + across.length() * doubt) / across.dot(up).abs()
+    }
 }
 
 /// Metres that all that is rounded is far below.
@@ -102,6 +112,9 @@ pub struct Shell {
     starts: Vec<u32>,
     squares: usize,
     last: u32,
+    /// Where triangles lie above each other, as rounded positions of clients turn some of them over.
+    folds: Option<Folds>,
+    doubt: f64,
     /// The lowest and the highest vertex at the south pole, and at the north pole.
     poles: [[f64; 2]; 2],
     measure: Measure,
@@ -113,8 +126,8 @@ impl Shell {
     /// Of vertices, where they are, and triangles with those across from each corner.
     pub(crate) fn new(
         id: TileId,
-        vertices: &[Vertex],
-        points: Vec<Vector>,
+        level: &Level,
+        (vertices, points): (&[Vertex], Vec<Vector>),
         mut triangles: Vec<([u32; 3], [u32; 3])>,
     ) -> Self {
         let squares = (triangles.len() as f64).sqrt().ceil().max(1.0) as usize;
@@ -131,9 +144,15 @@ impl Shell {
             let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             Facet { corners, across, twins: *twins }
         };
-        let facets = triangles.iter().map(facet).collect();
-        let (measure, beyond) = (Measure::default(), BTreeMap::new());
-        Self { id, facets, starts, squares, last: first, poles, measure, beyond }
+        let facets: Vec<Facet> = triangles.iter().map(facet).collect();
+        let inner = (0..).zip(&triangles).zip(&is_flat).filter(|(_, is_flat)| !**is_flat);
+        let inner = inner.map(|((number, (corners, _)), _)| {
+            (number, corners.map(|corner| vertices[corner as usize].at))
+        });
+        let folds = level.lattice.and_then(|lattice| Folds::of((id, lattice), &facets, inner));
+        let (measure, beyond, doubt) = (Measure::default(), BTreeMap::new(), level.doubt);
+        let last = first;
+        Self { id, facets, starts, squares, last, folds, doubt, poles, measure, beyond }
     }
 
     /// Measures a sample, and notes it where it is further off than the tolerance.
@@ -143,8 +162,17 @@ impl Shell {
         let off = match sample.place[1].abs() == 90.0 {
             true => self.off_pole(&sample),
             false => {
-                let Facet { corners, across, .. } = &self.facets[facet as usize];
-                (across.dot(corners[0] - point) / across.dot(sample.upright.normal)).abs()
+                let (up, here) = (sample.upright.normal, &self.facets[facet as usize]);
+                match &self.folds {
+                    None => here.off(up, point, self.doubt),
+                    Some(folds) => {
+                        let near = folds.near(self.id.steps(sample.place)).iter();
+                        let near = near.map(|number| &self.facets[*number as usize]);
+                        let met = near.filter(|facet| facet.is_met(up, point));
+                        let most = met.map(|facet| facet.within(up, point, self.doubt));
+                        most.reduce(f64::max).unwrap_or_else(|| here.within(up, point, self.doubt))
+                    }
+                }
             }
         };
         // What is no number must not count for none.
@@ -188,6 +216,9 @@ impl Shell {
         heights: &[f64],
         tolerance: f64,
     ) -> usize {
+        if self.folds.is_some() {
+            return 0;
+        }
         let strip = Strip::new(&self.facets[self.last as usize], parallel, tolerance);
         let limit = tolerance.min(self.measure.largest);
         let samples = columns.iter().zip(heights);
@@ -215,7 +246,8 @@ impl Shell {
         // The earth bends between the corners, which a plane does not.
         let across = (points[2] - points[0]).length().max((points[3] - points[1]).length());
         let most = most + off + across * across / (4.0 * POLE) + bow * steep;
-        if most > tolerance || corners[0].place[1].abs() > FAR_NORTH {
+        let is_far = most > tolerance || corners[0].place[1].abs() > FAR_NORTH;
+        if is_far || self.folds.is_some() {
             return false;
         }
         self.measure.samples += u64::from(count);

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use crate::border::{self, Side};
 use crate::globe::{Turn, Upright, Vector, bend};
 use crate::ground::{Ground, Sample};
-use crate::level::{Level, shallower};
+use crate::level::Level;
 use crate::measure::{Measure, Shell};
 use crate::run::{Column, Row, Run};
 use crate::tiling::{STEPS, TileId};
@@ -15,7 +15,7 @@ use terrane_base::geom::Point;
 use terrane_tin::scatter::{Fit, Mesh};
 
 /// Rounds in which samples that are found beyond the error are put into the mesh.
-const MOST_ROUNDS: u32 = 32;
+const MOST_ROUNDS: u32 = 48;
 
 /// Points that a thread keeps room for from one tile to the next: more than most tiles have.
 const MOST_KEPT: usize = 1 << 17;
@@ -140,9 +140,32 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Takes samples for vertices, however far off they seem. Where one is a vertex already, its place was rounded
-    /// into a triangle that is steep there: another of the places around it becomes one, too.
-    pub fn insert(&mut self, samples: &[Sample]) {
+    /// The tile with all samples within the level's error, as far as positions tell samples apart: those that are
+    /// beyond it are put in, round by round, until none is or none can be. `measure` measures all samples, exactly where
+    /// they are beyond the error.
+    ///
+    /// # Errors
+    /// Those of `measure`.
+    pub fn refine(&mut self, mut measure: impl FnMut(&mut Shell) -> Result<()>) -> Result<Tile> {
+        let mut best: Option<Tile> = None;
+        for _ in 0..MOST_ROUNDS {
+            let mut shell = self.shell();
+            measure(&mut shell)?;
+            let (found, beyond) = shell.end();
+            if best.as_ref().is_none_or(|best| found.largest < best.measure.largest) {
+                best = Some(self.finish(found));
+            }
+            if !self.insert(&beyond) {
+                break;
+            }
+        }
+        best.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile was never measured"))
+    }
+
+    /// Takes samples for vertices, however far off they seem; whether one became one. Where one is a vertex already,
+    /// its place was rounded into a triangle that is steep there: another of the places around it becomes one, too.
+    pub fn insert(&mut self, samples: &[Sample]) -> bool {
+        let before = self.mesh.points().len();
         for sample in samples {
             let [u, v] = self.id.steps(sample.place);
             let ends = |at: f64| {
@@ -155,6 +178,7 @@ impl<'a> Builder<'a> {
                 self.mesh.insert(point).is_some()
             });
         }
+        self.mesh.points().len() > before
     }
 
     fn candidate(&mut self, place: [f64; 2], height: f64) -> Point {
@@ -192,7 +216,7 @@ impl<'a> Builder<'a> {
         let (vertices, numbers) = self.vertices();
         let decoding = (self.level.step, self.level.lattice);
         let points = vertices.iter().map(|vertex| point(self.id, decoding, *vertex));
-        Shell::new(self.id, &vertices, points.collect(), self.triangles(&numbers))
+        Shell::new(self.id, self.level, (&vertices, points.collect()), self.triangles(&numbers))
     }
 
     /// The tile as it is, with what was measured of it.
@@ -225,28 +249,18 @@ impl<'a> Builder<'a> {
 /// Makes a tile of samples that can be handed on as often as it takes.
 ///
 /// # Errors
-/// A tile that cannot be made as exact as its level is to be: cliffs within a step of positions.
+/// None but of a broken tile, which is a mistake of the program.
 pub fn build(id: TileId, level: &Level, ground: &impl Ground) -> Result<Tile> {
     let bounds = id.bounds();
     let mut builder = Builder::new(id, level, ground)?;
-    builder.fit(|take| ground.runs(&bounds, level.stride, &mut |run| take(run)));
-    for _ in 0..MOST_ROUNDS {
-        let mut shell = builder.shell();
+    builder.fit(|take| {
+        ground.runs(&bounds, level.stride, &mut |run| take(run));
+        ground.feet(&bounds, level.stride, &mut |foot| take(Run::One(foot)));
+    });
+    builder.refine(|shell| {
         ground.runs(&bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
-        let (measure, beyond) = shell.end();
-        if beyond.is_empty() {
-            return Ok(builder.finish(measure));
-        }
-        builder.insert(&beyond);
-    }
-    Err(too_steep(id, level))
-}
-
-/// The error of a tile that cannot be made.
-pub fn too_steep(id: TileId, level: &Level) -> Error {
-    let TileId { level: z, x, y } = id;
-    Error::usage(format!("heights in tile {z}/{x}/{y} cannot be held to {} m", level.tolerance))
-        .remedy(shallower(z))
+        Ok(())
+    })
 }
 
 /// How far the ellipsoid lies below a plane that touches it in the middle of a tile: heights counted from there

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::border::Side;
+use crate::globe::EQUATOR;
 use terrane_base::geom::{Affine, Rect};
 
 /// A grid of a second of arc, with noise of so many metres on a slope, and voids.
@@ -66,7 +67,11 @@ impl Land {
     }
 
     fn level(&self, level: u8) -> Level {
-        Level::new(level, 1.0 / 3600.0, 9000.0).unwrap()
+        Level::new(
+            level,
+            1.0 / 3600.0,
+            &Relief { reach: 9000.0, range: 4000.0, ..Relief::default() },
+        )
     }
 
     fn tiles(&self, level: u8) -> Vec<TileId> {
@@ -210,6 +215,85 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    /// However rough, where no position is left: a tile is made, borders are one, and nothing is further off than is told.
+    #[test]
+    fn rough_land_is_made_and_measured(
+        across in 2_u32..60, south in -89.0..88.0_f64, relief in 0.0..60_000.0_f64, seed: u32,
+        voids in 0_u32..20_000, number in 3_u8..=16, shorts: bool, slope in prop_oneof![Just(0.0), Just(0.5)],
+    ) {
+        let noise = |i: u32| f64::from((i ^ seed).wrapping_mul(0x9e37_79b9) >> 8) / 16_777_216.0;
+        let height = |i: u32| match i > 0 && noise(i + 7777) * 65_536.0 < f64::from(voids) {
+            true => f64::NAN,
+            false => relief * (noise(i) - 0.5),
+        };
+        let mut land = Land::of((0..across * across).map(height).collect(), across, [10.0, south]);
+        land.chart = land.chart.clone().sloping(slope);
+        let relief = Relief { reach: relief, range: relief, ..Relief::default() };
+        let level = Level::new(number, 1.0 / 3600.0, &relief);
+        let level = match shorts {
+            true => in_shorts(level.on_lattice([-relief.reach, relief.reach])),
+            false => level,
+        };
+        let patch = land.patch();
+        let tiles = land.tiles(number).into_iter().take(6);
+        let tiles: Vec<Tile> = tiles.map(|id| build(id, &level, &patch).unwrap()).collect();
+        for tile in &tiles {
+            validate(tile);
+            let mut most = 0.0_f64;
+            patch.each(&tile.id.bounds(), 1, &mut |sample| {
+                most = most.max(distance(tile, &sample).unwrap_or(0.0));
+            });
+            let told = tile.measure.largest;
+            prop_assert!(most <= told * (1.0 + 1e-6) + 1e-6, "{} {most} {told}", tile.id.level);
+            prop_assert!(told < 2.0 * relief.range + level.tolerance, "{told}");
+            for other in &tiles {
+                if (other.id.x, other.id.y) == (tile.id.x + 1, tile.id.y) {
+                    prop_assert_eq!(side(tile, Side::East), side(other, Side::West));
+                }
+            }
+        }
+    }
+}
+
+/// Beyond the grid the ground falls evenly to the ellipsoid, from depths as from heights, and stays there; and where it
+/// meets it a border has a vertex.
+#[test]
+fn the_ground_beyond_a_grid_falls_to_the_ellipsoid() {
+    for height in [800.0, -300.0] {
+        let mut land = Land::of(vec![height; 101 * 101], 101, [10.0, 46.0]);
+        land.chart = land.chart.clone().sloping(0.5);
+        let patch = land.patch();
+        let metre = (1.0 / EQUATOR).to_degrees();
+        let at = |far: f64| patch.height([10.01, 46.0 - far * metre]).unwrap();
+        assert_eq!((at(-20.0), at(0.0)), (height, height));
+        for far in [10.0, 100.0, 550.0, 1500.0, 1700.0, 1e5] {
+            let expected = height.signum() * (height.abs() - far / 2.0).max(0.0);
+            assert!((at(far) - expected).abs() < 1e-6, "{far} {}", at(far));
+        }
+        // Of both sides together.
+        let corner = patch.height([10.0 - 100.0 * metre, 46.0 - 100.0 * metre]).unwrap();
+        let along = 100.0 * 46_f64.to_radians().cos();
+        assert!((corner.abs() - (height.abs() - 50.0 - along / 2.0)).abs() < 1e-3, "{corner}");
+        let level = land.level(9);
+        for id in land.tiles(9) {
+            let tile = build(id, &level, &patch).unwrap();
+            validate(&tile);
+            let far = |vertex: &&Vertex| {
+                let [lon, lat] = id.place(vertex.at);
+                let past = |low: f64, at: f64, high: f64| (low - at).max(at - high).max(0.0);
+                let Bounds { west, south, east, north } = land.bounds();
+                (past(west, lon, east) * lat.to_radians().cos() + past(south, lat, north)) / metre
+            };
+            let beyond = tile.vertices.iter().filter(|v| far(v) > 2.1 * height.abs());
+            assert!(beyond.clone().count() > 3);
+            assert!(beyond.clone().all(|vertex| vertex.height == 0), "{id:?}");
+        }
+    }
+}
+
 /// The ground lies above a border and then below it by what it may. Vertices a step beside it are joined with its ends,
 /// far away: a sample between is in a triangle that goes from where it is below to where it is above.
 #[test]
@@ -339,7 +423,7 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
         let land = Land::new(101, south, relief, 5, voids);
         let patch = land.patch();
         for level in (first..=14).step_by(2) {
-            let level = land.level(level).on_lattice([-9000.0, 9000.0]).unwrap();
+            let level = land.level(level).on_lattice([-9000.0, 9000.0]);
             let mut sides = std::collections::HashMap::new();
             for id in land.tiles(level.level) {
                 let tile = build(id, &level, &patch).unwrap();
@@ -390,7 +474,7 @@ fn volumes_hold_triangles_and_what_is_below() {
     let patch = land.patch();
     let none: Option<(&Level, &Patch<'_>)> = None;
     let facts = |id: TileId| {
-        let level = land.level(id.level).on_lattice([-9000.0, 9000.0]).unwrap();
+        let level = land.level(id.level).on_lattice([-9000.0, 9000.0]);
         let tile = build(id, &level, &patch).unwrap();
         let facts = glb(&tile, none, Form::default()).unwrap().1;
         for corners in &tile.triangles {

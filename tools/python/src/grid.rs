@@ -7,8 +7,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use terrane::{
-    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, SampleType, TilesFormat,
-    TinBuilder,
+    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, SampleType, TilesBeyond,
+    TilesFormat, TinBuilder,
 };
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
@@ -118,6 +118,7 @@ struct AskedTiles {
     formats: Vec<String>,
     geoid: Option<PathBuf>,
     max_level: Option<u8>,
+    beyond: String,
     tile_edges: bool,
     meshopt: bool,
     normals: bool,
@@ -364,6 +365,7 @@ impl Grid {
         let report = run(py, settings, |machine| {
             let mut builder = with_machine!(self.0.tiles(), machine)
                 .formats(&tile_formats(&asked.formats)?)
+                .beyond(tiles_beyond(&asked.beyond)?)
                 .tile_edges(asked.tile_edges)
                 .meshopt(asked.meshopt)
                 .normals(asked.normals)
@@ -407,6 +409,14 @@ impl Grid {
         })?;
         dictionary(py, &report)
     }
+}
+
+/// The ground beyond a grid by its name.
+fn tiles_beyond(name: &str) -> terrane::Result<TilesBeyond> {
+    TilesBeyond::named(name).ok_or_else(|| {
+        terrane::Error::usage(format!("{name:?} is no ground beyond a grid"))
+            .remedy("choose \"taper\" or \"level\"")
+    })
 }
 
 /// The formats of tiles by their names.

@@ -6,10 +6,7 @@ use super::spans::Known;
 use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_tiles::{Bounds, Builder, Ground as _, Level, Lie, Patch, Shell, TileId, too_steep};
-
-/// Rounds in which samples beyond the error are put into a mesh.
-const MOST_ROUNDS: u32 = 32;
+use terrane_tiles::{Bounds, Builder, Ground as _, Level, Lie, Patch, Run, Shell, TileId};
 
 impl Ground<'_> {
     /// Makes a tile of a far level, of each set; `known` has all tiles there are.
@@ -28,25 +25,20 @@ impl Ground<'_> {
     ) -> Result<Made> {
         let bounds = id.bounds();
         let mut builder = Builder::new(id, level, self.overview)?;
-        builder.fit(|take| self.overview.runs(&bounds, 1, &mut |run| take(run)));
-        for _ in 0..MOST_ROUNDS {
-            let mut shell = builder.shell();
-            self.measure(&bounds, level.tolerance, &mut shell, cancel)?;
-            let (measure, beyond) = shell.end();
-            if beyond.is_empty() {
-                let tile = builder.finish(measure);
-                return Made::new((set, &tile), self.opened, level, self.overview, beside);
-            }
-            builder.insert(&beyond);
-        }
-        Err(too_steep(id, level))
+        builder.fit(|take| {
+            self.overview.runs(&bounds, 1, &mut |run| take(run));
+            self.overview.feet(&bounds, level.stride, &mut |foot| take(Run::One(foot)));
+        });
+        let tile = builder.refine(|shell| self.measure(&bounds, level, shell, cancel))?;
+        Made::new((set, &tile), self.opened, level, self.overview, beside)
     }
 
-    /// Measures all samples of a rectangle: by blocks, and one by one where blocks do not tell.
+    /// Measures all samples of a rectangle: by blocks, and one by one where blocks do not tell, or tell of more than
+    /// clients assume.
     fn measure(
         &self,
         bounds: &Bounds,
-        tolerance: f64,
+        level: &Level,
         shell: &mut Shell,
         cancel: &Cancel,
     ) -> Result<()> {
@@ -63,11 +55,11 @@ impl Ground<'_> {
                 let is_told = block.count == 0
                     || match self.overview.lie([col, row], &corners, bounds) {
                         Lie::Beside => true,
-                        Lie::Within => shell.add_block(&corners, off, block.count, tolerance),
+                        Lie::Within => shell.add_block(&corners, off, block.count, level.assumed),
                         Lie::Across => false,
                     };
                 if is_told {
-                    self.read(open.take(), bounds, tolerance, shell, &mut heights)?;
+                    self.read(open.take(), bounds, level, shell, &mut heights)?;
                     continue;
                 }
                 let rect = self.overview.plan().rect([col, row]);
@@ -76,7 +68,7 @@ impl Ground<'_> {
                     None => rect,
                 });
             }
-            self.read(open, bounds, tolerance, shell, &mut heights)?;
+            self.read(open, bounds, level, shell, &mut heights)?;
         }
         Ok(())
     }
@@ -85,7 +77,7 @@ impl Ground<'_> {
         &self,
         rect: Option<Rect>,
         bounds: &Bounds,
-        tolerance: f64,
+        level: &Level,
         shell: &mut Shell,
         heights: &mut Vec<f64>,
     ) -> Result<()> {
@@ -94,7 +86,7 @@ impl Ground<'_> {
         opened.read(rect, heights)?;
         let fill = self.overview.voids();
         let patch = Patch::new(heights, rect, opened.look.chart(), fill);
-        patch.runs(bounds, 1, &mut |run| shell.add_run(&run, tolerance));
+        patch.runs(bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
         opened.grid.copied(rect);
         Ok(())
     }

@@ -124,6 +124,7 @@ struct Held {
 impl Folder {
     /// With nothing in it.
     pub(super) fn create(job: &TilesJob) -> Result<Self> {
+        check_ending(&job.output)?;
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
         let (formats, compress) = (job.formats.clone(), job.compress);
         Ok(Self { folder, formats, compress, held: Mutex::default() })
@@ -234,6 +235,31 @@ impl Folder {
     }
 }
 
+/// Endings that name a file of points, of tiles of others, or of a tile.
+const OF_FILES: [&str; 11] =
+    ["las", "laz", "copc", "pmtiles", "mbtiles", "3tz", "zip", "tar", "terrain", "b3dm", "subtree"];
+
+/// Fails for the name of a file in place of a folder's, by its ending.
+fn check_ending(output: &Path) -> Result<()> {
+    let Some(ending) = output.extension().and_then(|ending| ending.to_str()) else { return Ok(()) };
+    let ending = ending.to_lowercase();
+    let all = [
+        terrane_raster::FORMATS.iter().flat_map(|known| known.extensions).collect::<Vec<_>>(),
+        terrane_mesh::FORMATS.iter().flat_map(|known| known.extensions).collect(),
+        terrane_vector::FORMATS.iter().flat_map(|known| known.extensions).collect(),
+        OF_FILES.iter().collect(),
+    ];
+    match all.concat().iter().any(|known| **known == ending) {
+        true => {
+            let message = format!("tiles are written to a folder, and .{ending} names a file");
+            Err(Error::usage(message)
+                .in_file(output)
+                .remedy("name a folder, without such an ending"))
+        }
+        false => Ok(()),
+    }
+}
+
 /// What was made of each level of a set.
 fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
     let rows = held.rows.iter().filter(|((of, _), _)| *of == set);
@@ -242,7 +268,7 @@ fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
         LevelReport {
             format: ground.opened.job.formats[set].known().name.to_owned(),
             level: *level,
-            tolerance: level_error(*level),
+            tolerance: level_error(*level).max(row.largest),
             step: of_level.step,
             lattice: of_level.lattice,
             skirt: (of_level.skirt > 0).then(|| of_level.skirt_depth()),
@@ -317,6 +343,8 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
             "version": env!("CARGO_PKG_VERSION"),
             "source": crate::beside::source(&job.input),
             "voids": "filled",
+            "beyond": job.beyond.name(),
+            "heights": ground.opened.heights.from,
             "levels": levels,
         },
     })

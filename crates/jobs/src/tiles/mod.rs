@@ -12,6 +12,7 @@
 //! Whatever is made depends on the grid and the options alone: at once, or by a plan whose tasks look, make regions,
 //! and make what is above them. Files are put into a folder that appears whole.
 
+mod beyond;
 mod cloud;
 mod division;
 mod far;
@@ -42,22 +43,24 @@ use crate::reading::Reading;
 use crate::sift::Skipped;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
+pub use beyond::Beyond;
 pub use cloud::{GroundModel, Kept, run_cloud};
 use division::Division;
 use folder::Folder;
 pub use format::{FORMATS, Format};
 use mask::Mask;
+pub(crate) use place::WITH_GEOID;
 use place::{Heights, Place};
 pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::refuse_held;
 use terrane_raster::{self as raster, GridSource, Inputs, Water, looks_like_nodata};
-use terrane_tiles::{DEEPEST, Gathered, Level, Overview, TileId, deepest_for, in_shorts};
+use terrane_tiles::{DEEPEST, Gathered, Level, Overview, Relief, TileId, deepest_for, in_shorts};
 use work::Tiles;
 
-/// Metres below which there is no ground.
-const LOWEST: f64 = -1e6;
+/// Metres below or above which there is no ground.
+const MOST_HEIGHT: f64 = 1e6;
 /// Samples around a region that slopes are told from.
 const APRON: u32 = 10;
 
@@ -93,6 +96,9 @@ pub struct TilesJob {
     pub water_mask: bool,
     /// The deepest level; that of the grid's resolution when `None`.
     pub max_level: Option<u8>,
+    /// The ground beyond the grid.
+    #[serde(default)]
+    pub beyond: Beyond,
     /// Write a normal for each vertex.
     pub normals: bool,
     /// Compress each file (gzip).
@@ -117,6 +123,7 @@ impl TilesJob {
             skirts: false,
             water_mask: false,
             max_level: None,
+            beyond: Beyond::default(),
             normals: true,
             compress: true,
             resources: Resources::default(),
@@ -158,20 +165,20 @@ struct Ground<'a> {
 ///
 /// # Errors
 /// A grid whose place on the globe is not known, or one around a pole or across 180 degrees;
-/// an output that exists; a level too deep for the heights; all that reading and writing may find.
+/// an output that exists; all that reading and writing may find.
 pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TilesReport> {
     let (started, at) = (Instant::now(), At { progress, cancel });
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let opened = Opened::new(job)?;
     let folder = Folder::create(job)?;
+    let opened = Opened::new(job)?;
     let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.whole[1]]);
     glance::look(&opened, rows, at, |glance| {
         gathered.add(glance);
         Ok(())
     })?;
     let overview = opened.seen(gathered)?;
-    let ground = Ground::new(&opened, &overview)?;
-    ground.make(&folder, at).map_err(|error| ground.of_nodata(error))?;
+    let ground = Ground::new(&opened, &overview);
+    ground.make(&folder, at)?;
     let made = folder.finish(&ground, cancel)?;
     let run = Figures { threads: opened.shares.threads, ..Figures::since(started, &job.resources) };
     Ok(TilesReport { run, ..made })
@@ -245,6 +252,7 @@ impl Opened {
         let seen = memory::look_at(&job.input, &options)?;
         let (input, resources) = ((&job.input, job.geoid.as_deref()), &job.resources);
         let (chart, heights) = place::of(seen.info(), input, resources)?;
+        let chart = chart.sloping(job.beyond.slope());
         let last = job.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
         let water = options.water.as_ref().filter(|_| job.water_mask);
         let mask = |water: &Arc<Water>| Mask::of(water, seen.info(), last, resources);
@@ -295,9 +303,10 @@ impl Opened {
             let remedy = "check its nodata value, or choose another --band";
             refuse(Error::bad_input("the grid has no valid sample"), remedy)
         })?;
-        let [lowest, _] = overview.range;
-        if lowest < LOWEST {
-            let stored = lowest / self.heights.lift.metres;
+        let [lowest, highest] = overview.range;
+        let furthest = if lowest < -MOST_HEIGHT { lowest } else { highest };
+        if furthest.abs() > MOST_HEIGHT {
+            let stored = furthest / self.heights.lift.metres;
             let remedy = format!("if it stands for nodata, pass --nodata {stored:e}");
             let error = Error::bad_input(format!("the height {stored:e} is absurd"));
             return Err(refuse(error, &remedy));
@@ -316,10 +325,11 @@ fn without_tile(error: Error) -> Error {
 }
 
 impl<'a> Ground<'a> {
-    fn new(opened: &'a Opened, overview: &'a Overview) -> Result<Self> {
-        let of_set = |format: &Format| levels(*format, opened, overview.range);
-        let levels = opened.job.formats.iter().map(of_set).collect::<Result<_>>()?;
-        Ok(Self { opened, overview, levels })
+    fn new(opened: &'a Opened, overview: &'a Overview) -> Self {
+        let reliefs = overview.reliefs(opened.division.last);
+        let of_set = |format: &Format| levels(*format, opened, overview.ends(), &reliefs);
+        let levels = opened.job.formats.iter().map(of_set).collect();
+        Self { opened, overview, levels }
     }
 
     /// The level of a tile, by set.
@@ -344,16 +354,6 @@ impl<'a> Ground<'a> {
         let odd = raster::no_terrain(info, [a.min(b), a.max(b)]).filter(|_| of_nodata.is_none());
         let of_grid = raster::cautions(info).into_iter().chain(odd);
         self.opened.heights.notes.iter().cloned().chain(of_nodata).chain(of_grid).collect()
-    }
-
-    /// An error of heights that may be one of nodata.
-    fn of_nodata(&self, error: Error) -> Error {
-        match self.suspect().filter(|_| error.kind() == ErrorKind::Usage) {
-            Some(stored) => {
-                error.remedy(format!("if {stored:e} stands for nodata, pass --nodata {stored:e}"))
-            }
-            None => error,
-        }
     }
 
     fn make(&self, folder: &Folder, at: At<'_>) -> Result<()> {
@@ -425,21 +425,21 @@ fn check_formats(job: &TilesJob) -> Result<()> {
 }
 
 /// The levels of a set, of heights in a range.
-fn levels(format: Format, opened: &Opened, range: [f64; 2]) -> Result<Vec<Level>> {
+fn levels(format: Format, opened: &Opened, range: [f64; 2], reliefs: &[Relief]) -> Vec<Level> {
     let Opened { job: TilesJob { meshopt, skirts, .. }, division, .. } = opened;
-    let reach = range[0].abs().max(range[1].abs());
-    let level = |level: u8| {
-        let level = Level::new(level, division.place.spacing, reach)?;
-        match format {
-            Format::QuantizedMesh => Ok(level),
+    let mut levels: Vec<Level> = Vec::with_capacity(reliefs.len());
+    for (number, relief) in (0..).zip(reliefs) {
+        let level = Level::new(number, division.place.spacing, relief);
+        levels.push(match format {
+            Format::QuantizedMesh => level,
             Format::ThreeTiles => {
-                let level = if *skirts { level.with_skirts() } else { level };
-                let level = level.on_lattice(range)?;
-                Ok(if *meshopt { in_shorts(level) } else { level })
+                let level = if *skirts { level.with_skirts(levels.last()) } else { level };
+                let level = level.on_lattice(range);
+                if *meshopt { in_shorts(level) } else { level }
             }
-        }
-    };
-    (0..=division.last).map(level).collect()
+        });
+    }
+    levels
 }
 
 /// Whether a tile belongs to all that is known and is not there.

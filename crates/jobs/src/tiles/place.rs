@@ -11,6 +11,9 @@ use terrane_base::geom::Heights as From;
 use terrane_raster::{GridInfo, Inputs};
 use terrane_tiles::{Bounds, Chart};
 
+/// Of heights that the geoid was added to, so that they are counted from the ellipsoid.
+pub(crate) const WITH_GEOID: &str = "ellipsoid, with the geoid added";
+
 /// What the work on a grid is divided by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Place {
@@ -26,6 +29,8 @@ pub(super) struct Place {
 #[derive(Clone, Debug)]
 pub(super) struct Heights {
     pub(super) lift: Lift,
+    /// What they are counted from, as the set tells it.
+    pub(super) from: &'static str,
     pub(super) notes: Vec<String>,
 }
 
@@ -62,6 +67,11 @@ pub(super) fn of(
         notes.push("the unit of heights is not known; they are taken for metres".to_owned());
     }
     let is_ellipsoidal = info.crs.heights() == From::Ellipsoidal;
+    let from = match (lift.has_geoid(), is_ellipsoidal) {
+        (true, _) => WITH_GEOID,
+        (false, true) => "ellipsoid",
+        (false, false) => "as given",
+    };
     notes.extend(match (lift.has_geoid(), is_ellipsoidal) {
         (true, _) => Some("heights are brought from the geoid to the ellipsoid".to_owned()),
         (false, true) => None,
@@ -71,7 +81,7 @@ pub(super) fn of(
                 .to_owned(),
         ),
     });
-    Ok((chart, Heights { lift, notes }))
+    Ok((chart, Heights { lift, from, notes }))
 }
 
 fn chart(info: &GridInfo) -> Result<(Chart, Vec<String>)> {

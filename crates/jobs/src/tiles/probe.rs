@@ -68,7 +68,7 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     }
     // What is void may be so by chance.
     let Some(overview) = gathered.finish() else { return Ok([0; 2]) };
-    let ground = Ground::new(opened, &overview)?;
+    let ground = Ground::new(opened, &overview);
     let seen = Mutex::new([Seen::default(); 2]);
     let (threads, cancel) = (opened.shares.threads, Cancel::default());
     let probe = |(): &mut (), i: u64| {

@@ -28,7 +28,8 @@ pub struct LevelReport {
     pub format: String,
     /// From 0.
     pub level: u8,
-    /// Metres that clients take the level to be off by, which no sample is further from its tile.
+    /// Metres that no sample is further from its tile: what clients take the level to be off by, or the error where
+    /// positions cannot tell samples apart and it is larger.
     pub tolerance: f64,
     /// Metres of a step of heights.
     pub step: f64,

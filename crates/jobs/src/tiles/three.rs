@@ -73,13 +73,16 @@ pub(super) fn tileset(
             [low.min(facts.heights[0]), high.max(facts.heights[1])]
         })
     });
+    // No tile is further off; clients halve it by level.
+    let errors = facts.values().map(|facts| facts.error);
+    let error = errors.fold(level_error(0), f64::max);
     let region = |west: f64, east: f64, [low, high]: [f64; 2]| json!({"region": [west, -FRAC_PI_2, east, FRAC_PI_2, low, high]});
     let half = |x: usize| {
         let name = HALVES[x];
         let west = -PI * (1.0 - x as f64);
         json!({
             "boundingVolume": region(west, west + PI, ends[x]),
-            "geometricError": level_error(0),
+            "geometricError": error,
             "refine": "REPLACE",
             "content": {"uri": format!("{name}/{{level}}/{{x}}/{{y}}.{ENDING}")},
             "implicitTiling": {
@@ -107,10 +110,10 @@ pub(super) fn tileset(
     json!({
         "asset": {"version": "1.1"},
         "schema": {"id": "terrane", "classes": {"tile": {"properties": properties()}}},
-        "geometricError": 2.0 * level_error(0),
+        "geometricError": 2.0 * error,
         "root": {
             "boundingVolume": region(-PI, PI, both),
-            "geometricError": 2.0 * level_error(0),
+            "geometricError": 2.0 * error,
             "refine": "REPLACE",
             "children": [half(0), half(1)],
         },
@@ -118,6 +121,8 @@ pub(super) fn tileset(
             "version": env!("CARGO_PKG_VERSION"),
             "source": crate::beside::source(&job.input),
             "voids": "filled",
+            "beyond": job.beyond.name(),
+            "heights": ground.opened.heights.from,
             "bounds": [bounds.west, bounds.south, bounds.east, bounds.north],
             "normals": job.normals,
             "edges": job.tile_edges,

@@ -120,7 +120,7 @@ impl Ready {
         let overview = self.overview.get();
         let lost = || Error::new(ErrorKind::Internal, "what was seen is lost");
         let overview = overview.ok_or_else(lost)?;
-        Ground::new(&self.opened, overview)
+        Ok(Ground::new(&self.opened, overview))
     }
 
     /// Writes tiles, made on all threads, to an object.
@@ -280,8 +280,7 @@ impl Work for Tiles {
                         made.push(tile);
                         Ok(())
                     };
-                    let done = ground.region(*id, &mut put, at.cancel);
-                    done.map(|()| made).map_err(|error| ground.of_nodata(error))
+                    ground.region(*id, &mut put, at.cancel).map(|()| made)
                 })?
             }
             Task::Far(number) => {
@@ -296,8 +295,7 @@ impl Work for Tiles {
                 let mut part = work.part(number, &opened.division.above(far_end));
                 part.retain(|id| is_missing(*id, [&there, &known]));
                 ready.tiles(("far levels", object), &part, at, |id| {
-                    let made = ground.far(*id, &known, at.cancel);
-                    made.map_err(|error| ground.of_nodata(error))
+                    ground.far(*id, &known, at.cancel)
                 })?
             }
         };

@@ -14,12 +14,19 @@ use super::tiling::TileId;
 /// Metres by which a vertex may be outside of its sphere: rounding.
 const SLACK: f64 = 1e-5;
 
+/// Metres that terrane's own spheres, centres and heights may be beside or beyond what they should be.
+const LOOSE: f64 = 1e-3;
+
 /// Relative rounding of the distance of an occlusion point.
 const ROUNDING: f64 = 1e-9;
+/// Part that terrane's own may be beside or beyond where it should be.
+const OF_HORIZON: f64 = 1e-7;
 
 /// A tile that reaches beyond the horizon of every point of its direction, as the two roots do, has a point at
 /// least so many radii away: it is seen from all but 0.6 degrees of the places that see its hemisphere.
 const FAR: f64 = 100.0;
+/// How far terrane's own is in that case.
+const ALWAYS: f64 = 1e6;
 
 /// What is said of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,11 +47,23 @@ impl About {
         let ((middle, radius), (other, least)) = (self.sphere, part.sphere);
         length(minus(middle, other)) + least <= radius + SLACK && self.error >= part.error
     }
+
+    /// The radius around its middle that holds the sphere of another.
+    pub fn reach_of(&self, part: &Self) -> f64 {
+        length(minus(self.sphere.0, part.sphere.0)) + part.sphere.1
+    }
 }
 
 /// Holds all of the triangles of a tile, and of its skirt, to be between the heights that are said of it: the heights of
-/// corners, of the middles of sides, and of the middle.
-pub fn between(id: TileId, about: &About, tile: &Tile, positions: &[Vector], faults: &mut Faults) {
+/// corners, of the middles of sides, and of the middle. They say so of no more than their triangles may reach, to two
+/// steps of the lattice of coordinates.
+pub fn between(
+    id: TileId,
+    (about, lattice): (&About, f64),
+    tile: &Tile,
+    positions: &[Vector],
+    faults: &mut Faults,
+) {
     let [low, high] = about.heights;
     let is_out = |[a, b, c]: &[Vector; 3]| {
         let [a, b, c] = [*a, *b, *c];
@@ -58,15 +77,72 @@ pub fn between(id: TileId, about: &About, tile: &Tile, positions: &[Vector], fau
         !places.into_iter().all(is_in)
     };
     let of_surface = tile.triangles.iter().map(|of| of.map(|corner| positions[corner as usize]));
-    let count = of_surface.chain(tile.skirt.triangles.iter().copied()).filter(is_out).count();
-    faults.add(Fault::Heights, count as u64, id);
+    let all = of_surface.chain(tile.skirt.triangles.iter().copied());
+    faults.add(Fault::Heights, all.clone().filter(is_out).count() as u64, id);
+    let needed = all.map(reach).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+    let [least, most] = needed.unwrap_or([low, high]);
+    let slack = 2.0 * lattice + LOOSE;
+    let is_loose = low < least - slack || high > most + slack;
+    faults.add(Fault::LooseHeights, u64::from(is_loose), id);
+}
+
+/// Heights that no place of a triangle is beyond: those of its corners, less what the longest side of it bends.
+fn reach(corners: [Vector; 3]) -> [f64; 2] {
+    let heights = corners.map(height);
+    let low = heights.into_iter().fold(f64::INFINITY, f64::min);
+    let high = heights.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    let side = |k: usize| minus(corners[k], corners[(k + 1) % 3]);
+    let longest = (0..3).map(|k| dot(side(k), side(k))).fold(0.0, f64::max);
+    // The ellipsoid bends most along the meridian at the equator.
+    [low - longest / (6.0 * (B * B / A + low.min(0.0))), high]
+}
+
+/// Holds the lower of the two heights of a tile to be that of a vertex.
+pub fn lowest(id: TileId, tile: &Tile, faults: &mut Faults) {
+    let is_lower = tile.vertices.iter().all(|vertex| vertex[2] > 0);
+    faults.add(Fault::LooseHeights, u64::from(is_lower), id);
+}
+
+/// Holds what terrane says of its own tiles to be the nearest: sphere and centre in the middle of the box around the
+/// vertices, and the horizon occlusion point above that, no higher than it has to be. The radius that the sphere needs.
+pub fn tight(
+    id: TileId,
+    tile: &About,
+    centre: Option<Vector>,
+    positions: &[Vector],
+    faults: &mut Faults,
+) -> f64 {
+    let end = |axis: usize, choose: fn(f64, f64) -> f64| {
+        positions.iter().map(|at| at[axis]).reduce(choose).unwrap_or_default()
+    };
+    let middle: Vector =
+        std::array::from_fn(|axis| end(axis, f64::min).midpoint(end(axis, f64::max)));
+    let is_off = |at: Vector| length(minus(at, middle)) > LOOSE;
+    faults.add(Fault::OffSphere, u64::from(is_off(tile.sphere.0)), id);
+    faults.add(Fault::Centre, u64::from(centre.is_some_and(is_off)), id);
+    let radius = positions.iter().map(|&at| length(minus(at, middle))).fold(0.0, f64::max);
+    let is_loose = centre.is_some() && tile.sphere.1 > radius + LOOSE;
+    faults.add(Fault::LooseSphere, u64::from(is_loose), id);
+    let shrunk = by_least(tile);
+    let up = scaled(middle, shrunk);
+    let far = length(tile.horizon);
+    let apart = length(cross(tile.horizon, up)) / (far * length(up));
+    let needed = positions
+        .iter()
+        .flat_map(|&at| [0.0, shrunk].map(|by| least(tile.horizon, scaled(at, by), ALWAYS)))
+        .fold(1.0, f64::max);
+    let is_there = apart < OF_HORIZON
+        && dot(tile.horizon, up) > 0.0
+        && (far / needed - 1.0).abs() < OF_HORIZON;
+    faults.add(Fault::FarHorizon, u64::from(!is_there), id);
+    radius
 }
 
 /// Looks at what is said of the places of the vertices of a tile, and where its centre is.
 pub fn contain(
     id: TileId,
     tile: &About,
-    centre: Vector,
+    centre: Option<Vector>,
     positions: &[Vector],
     faults: &mut Faults,
 ) {
@@ -76,15 +152,19 @@ pub fn contain(
     // Not so of a radius that is no number or below zero.
     let outside = if radius >= 0.0 { outside } else { positions.len() };
     faults.add(Fault::Sphere, outside as u64, id);
-    let is_near = length(minus(centre, middle)) <= 2.0 * radius + SLACK;
-    faults.add(Fault::Centre, u64::from(!is_near), id);
+    let is_far = |centre: Vector| length(minus(centre, middle)) > 2.0 * radius + SLACK;
+    faults.add(Fault::Centre, u64::from(centre.is_some_and(is_far)), id);
     faults.add(Fault::Range, u64::from(tile.heights[0] > tile.heights[1]), id);
-    let low = tile.heights[0].min(0.0);
-    let is_seen = |&&at: &&Vector| {
-        let shrunk = if low < 0.0 && -low < B { low } else { 0.0 };
-        [0.0, shrunk].iter().any(|by| is_seen(tile.horizon, scaled(at, *by)))
-    };
+    let shrunk = by_least(tile);
+    let is_seen =
+        |&&at: &&Vector| [0.0, shrunk].iter().any(|by| is_seen(tile.horizon, scaled(at, *by)));
     faults.add(Fault::Horizon, positions.iter().filter(is_seen).count() as u64, id);
+}
+
+/// What clients shrink the axes by: the least height, where that is below zero.
+fn by_least(tile: &About) -> f64 {
+    let low = tile.heights[0];
+    if low < 0.0 && -low < B { low } else { 0.0 }
 }
 
 fn scaled([x, y, z]: Vector, by: f64) -> Vector {
@@ -93,12 +173,17 @@ fn scaled([x, y, z]: Vector, by: f64) -> Vector {
 
 /// True when `vertex` may be seen where `point` is not.
 fn is_seen(point: Vector, vertex: Vector) -> bool {
+    let (far, least) = (length(point), least(point, vertex, FAR));
+    far.is_nan() || least.is_nan() || far < least * (1.0 - ROUNDING)
+}
+
+/// How far out a point in a direction has to be so that a vertex is hidden wherever it is; so far at the most.
+fn least(point: Vector, vertex: Vector, most: f64) -> f64 {
     let [far, high] = [point, vertex].map(length);
     let apart = [length(cross(point, vertex)), dot(point, vertex)].map(|part| part / (far * high));
     let [sin, cos] = apart;
     let cap = 1.0 / high.max(1.0);
     // Of the sum of the angle and the cap.
     let sum = cos * cap - sin * (1.0 - cap * cap).sqrt();
-    let least = if sum > 1.0 / FAR { 1.0 / sum } else { FAR };
-    far.is_nan() || least.is_nan() || far < least * (1.0 - ROUNDING)
+    if sum > 1.0 / most { 1.0 / sum } else { most }
 }

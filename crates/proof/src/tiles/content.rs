@@ -164,6 +164,7 @@ impl Content {
             (Fault::Ends, u64::from(self.has_other_ends)),
             (Fault::Normals, turned),
             (Fault::NoEdges, u64::from(lacks_edges)),
+            (Fault::Unannounced, u64::from(!has_edges && self.sides.is_some())),
             (Fault::WalkedOtherwise, self.walked_otherwise(&vertices)),
         ];
         let is_rim =

@@ -52,6 +52,7 @@ macro_rules! faults {
 }
 
 faults! {
+    Unreadable Structure "tiles that cannot be read";
     Clockwise Structure "clockwise triangles";
     Flat Structure "triangles without area";
     Cracks Structure "edges of one triangle inside a tile (cracks, T-junctions)";
@@ -85,9 +86,14 @@ faults! {
     Range Containment "tiles whose least height is above the largest";
     Heights Containment "triangles lower or higher than the tile says";
     Nested Containment "tiles whose sphere does not hold that of a tile below, or whose error is smaller";
-    Regions Containment "layer.json has regions that do not hold the tiles";
-    Centre Containment "tiles whose centre is not near them";
+    LooseHeights Containment "tiles that say their heights reach further than they do";
+    LooseSphere Containment "tiles with a larger bounding sphere than they and those below need";
+    OffSphere Containment "tiles whose bounding sphere is not around their middle";
+    Regions Containment "layer.json has regions that do not hold the tiles, or reach further";
+    RootErrors Containment "layer.json has other geometric errors at its root than its tiles need";
+    Centre Containment "tiles whose centre is not near them, or of ours not in their middle";
     Horizon Containment "vertices that may be seen when the horizon occlusion point is not";
+    FarHorizon Containment "tiles whose horizon occlusion point is not the nearest above their middle";
     Spikes Containment "tiles with vertices lower or higher than all samples";
     NoMask Water "tiles without the mask of water that layer.json announces";
     WrongMask Water "pixels of masks that are land in a polygon, or water outside";
@@ -99,8 +105,12 @@ faults! {
     NamedTwice Index "tiles that layer.json names as available twice";
     Below Index "tiles that name others below them than there are";
     Bounds Index "layer.json has bounds that do not hold all samples";
+    LooseBounds Index "layer.json has bounds that reach beyond the raster";
     BeyondWorld Index "layer.json has bounds beyond the world";
-    Assumed Index "levels with a larger tolerance than clients assume";
+    Assumed Index "levels with a larger tolerance than clients assume, and than their samples need";
+    Avoidable Index "levels further off than clients assume, though positions tell their samples apart";
+    OtherError Index "levels that state a larger error than any of their tiles records";
+    FineStep Index "levels that state a finer step of heights than such a level has";
     Counts Index "levels with another number of tiles than layer.json states";
     Unannounced Index "tiles with normals, metadata or a mask that layer.json does not name among its extensions";
     Mixed Index "tiles that are packed where most are not, or are not where most are";

@@ -22,7 +22,7 @@ mod tiling;
 mod water;
 
 pub use border::{Chain, gap, lattice};
-pub use contain::{About, between, contain};
+pub use contain::{About, between, contain, lowest, tight};
 pub use content::{Content, Said};
 pub use decode::{LAST, Tile};
 pub use ellipsoid::{Meridian, Parallel, position};

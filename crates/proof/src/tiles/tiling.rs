@@ -83,6 +83,13 @@ impl TileId {
         Self::new(self.level.checked_sub(1)?, self.x / 2, self.y / 2)
     }
 
+    /// The tiles of the next finer level that it is divided into.
+    pub fn below(self) -> impl Iterator<Item = Self> {
+        let Self { level, x, y } = self;
+        let parts = [[0, 0], [1, 0], [0, 1], [1, 1]];
+        parts.into_iter().filter_map(move |[i, j]| Self::new(level + 1, 2 * x + i, 2 * y + j))
+    }
+
     /// The tile of the next coarser level on the other side of a border, where that border is one of that
     /// level, too.
     pub fn coarser_beside(self, side: Side) -> Option<Self> {

@@ -20,6 +20,7 @@ impl Glance {
                 at.into_iter().for_each(|at| out.extend(at.to_le_bytes()));
                 put(out, &[height, off]);
             }
+            put(out, &[block.jump]);
         }
         for lines in &self.lines {
             out.extend((lines.len() as u32).to_le_bytes());
@@ -39,7 +40,7 @@ impl Glance {
 }
 
 /// Bytes of a written block, and of a written sum of a square.
-const BLOCK: u64 = 4 + 3 * 8 + 2 * (2 * 2 + 2 * 8);
+const BLOCK: u64 = 4 + 3 * 8 + 2 * (2 * 2 + 2 * 8) + 8;
 const SUM: u64 = 4 + 16 + 8;
 
 impl Plan {
@@ -104,7 +105,8 @@ fn block(from: &mut &[u8]) -> Option<Block> {
         let [height, off] = numbers(from)?.map(f64::from_le_bytes);
         *end = Extreme { at, height, off };
     }
-    Some(Block { count, plane, ends })
+    let jump = float(from)?;
+    Some(Block { count, plane, ends, jump })
 }
 
 fn put(out: &mut Vec<u8>, values: &[f64]) {

@@ -131,9 +131,7 @@ pub(super) fn spots(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
         for line in lines {
             let end = |along: f64| if axis == 0 { [*line, along] } else { [along, *line] };
             chart.stops([end(-180.0), end(180.0)], &mut |place| {
-                let Some([col, row]) = chart.within(place).map(|at| at.map(|at| at as u32)) else {
-                    return;
-                };
+                let [col, row] = chart.within(place).at.map(|at| at as u32);
                 // Those of the cells on either side, too: the line may go through them to the next place.
                 for row in row..=(row + 1).min(most[1]) {
                     let spots = found.entry(row).or_default();

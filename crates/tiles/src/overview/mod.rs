@@ -3,12 +3,13 @@
 
 mod bytes;
 mod lines;
+mod relief;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::chart::Chart;
-use crate::ground::{Fill, Ground, Means, Sample, around, between};
+use crate::chart::{Chart, Spot};
+use crate::ground::{Fill, Ground, Means, Sample, around, between, feet};
 use crate::run::Run;
 use crate::tiling::Bounds;
 use lines::{Lines, beside, spots, whole};
@@ -28,6 +29,8 @@ pub struct Block {
     plane: [f64; 3],
     /// The samples that are furthest below the plane, and above it.
     ends: [Extreme; 2],
+    /// Metres between the heights of two of its samples beside each other, at the most.
+    jump: f64,
 }
 
 /// A sample of a block.
@@ -102,6 +105,7 @@ impl Block {
             count: n as u32,
             plane: [base, slopes[0], slopes[1]],
             ends: [Extreme::default(); 2],
+            jump: jump(heights, stride, [width, height]),
         };
         let found = valid().map(|(x, y, height)| {
             let at = [x as u16, y as u16];
@@ -264,6 +268,22 @@ impl Gathered {
     }
 }
 
+/// Metres between two samples beside each other, at the most.
+fn jump(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> f64 {
+    let mut most = 0.0_f64;
+    for row in 0..height {
+        let line = &heights[row * stride..][..width];
+        let across = line.windows(2).map(|two| (two[1] - two[0]).abs());
+        // What is void compares as no number does.
+        most = across.fold(most, f64::max);
+        if row > 0 {
+            let above = &heights[(row - 1) * stride..][..width];
+            most = line.iter().zip(above).map(|(a, b)| (a - b).abs()).fold(most, f64::max);
+        }
+    }
+    most
+}
+
 fn both(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }
@@ -366,10 +386,9 @@ impl Overview {
     }
 }
 
-impl Ground for Overview {
-    /// Exact along the lines that were kept; elsewhere that of the block's plane.
-    fn height(&self, place: [f64; 2]) -> Option<f64> {
-        let [col, row] = self.plan.chart.within(place)?;
+impl Overview {
+    /// The height between samples, or on a block's plane.
+    fn at(&self, Spot { at: [col, row], .. }: Spot) -> Option<f64> {
         if let Ok(found) = self.kept([col, row]) {
             return found;
         }
@@ -381,20 +400,43 @@ impl Ground for Overview {
         (block.count > 0).then(|| block.height(offset).clamp(low, high))
     }
 
+    fn between(&self, spot: Spot) -> f64 {
+        let is_kept = around(spot.at).all(|(at, _)| self.sample(at).is_some());
+        match if is_kept { None } else { self.at(spot) } {
+            Some(height) => height,
+            None => between(spot.at, &self.fill, |at| self.sample(at).filter(|z| z.is_finite())),
+        }
+    }
+}
+
+impl Ground for Overview {
+    /// Exact along the lines that were kept; elsewhere that of the block's plane.
+    fn height(&self, place: [f64; 2]) -> Option<f64> {
+        let spot = self.plan.chart.within(place);
+        self.at(spot).map(|height| spot.lower(height))
+    }
+
     /// Between samples that are kept; elsewhere as the height is.
     fn filled(&self, place: [f64; 2]) -> f64 {
-        let at = self.plan.chart.within(place);
-        let is_kept = |at: [f64; 2]| around(at).all(|(at, _)| self.sample(at).is_some());
-        match at.filter(|at| !is_kept(*at)).and_then(|_| self.height(place)) {
-            Some(height) => height,
-            None => between(at, &self.fill, |at| self.sample(at).filter(|z| z.is_finite())),
-        }
+        let spot = self.plan.chart.within(place);
+        spot.lower(self.between(spot))
+    }
+
+    fn beyond(&self, place: [f64; 2]) -> Option<[f64; 2]> {
+        let spot = self.plan.chart.within(place);
+        (spot.fall > 0.0).then(|| [self.between(spot), spot.fall])
+    }
+
+    fn feet(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+        let [width, height] = self.plan.blocks.whole;
+        feet(self, (&self.plan.chart, Rect::new(0, 0, width, height)), (bounds, stride), found);
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
         let mut stop = |place: [f64; 2]| {
-            if let Some(Ok(height)) = self.plan.chart.within(place).map(|at| self.kept(at)) {
-                found(place, height);
+            let spot = self.plan.chart.within(place);
+            if let Ok(height) = self.kept(spot.at) {
+                found(place, height.map(|height| spot.lower(height)));
             }
         };
         let Some(map) = self.plan.chart.map() else {

@@ -19,6 +19,7 @@ def tiles(
     format: str | Sequence[str] = "quantized-mesh",
     geoid: Path | None = None,
     max_level: int | None = None,
+    beyond: str = "taper",
     tile_edges: bool = False,
     meshopt: bool = False,
     normals: bool = True,
@@ -52,6 +53,9 @@ def tiles(
         are taken from the ellipsoid on.
     max_level
         The deepest level, 0 to 20; else the first whose tiles have at most 64 samples along a side.
+    beyond
+        The ground between the edge of the grid and the sides of the tiles that hold it: "taper" falls to the ellipsoid, "level"
+        goes on at the heights of the edge.
     tile_edges, meshopt
         Of 3D Tiles: name the vertices of sides, as CesiumJS wants it of terrain; compress what is in a tile.
     normals, compress
@@ -75,6 +79,7 @@ def tiles(
         "formats": [format] if isinstance(format, str) else list(format),
         "geoid": None if geoid is None else os.fspath(geoid),
         "max_level": number("max_level", max_level),
+        "beyond": beyond,
         "tile_edges": tile_edges,
         "meshopt": meshopt,
         "normals": normals,

@@ -7,13 +7,13 @@ use serde::Deserialize;
 use super::below::Below;
 use super::cache::Cache;
 use super::layer::Range;
-use super::{Context, folder};
+use super::{Context, decoded, folder};
 use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_files::lock;
 use terrane_proof::tiles::{
     About, Chain, Facets, Fault, Faults, Pixels, Side, Tile, TileId, between, contain, gap,
-    lattice, structure,
+    lattice, lowest, structure, tight,
 };
 
 /// Tiles that a thread takes at a time, along a row.
@@ -26,6 +26,8 @@ pub(super) struct Record {
     pub(super) error: Option<f64>,
     /// Its lowest and highest vertex.
     pub(super) heights: [f64; 2],
+    /// The radius that a sphere around it has to have.
+    pub(super) radius: f64,
 }
 
 /// Borders of one kind on a level.
@@ -76,6 +78,8 @@ pub(super) struct Found {
     pub(super) pixels: Pixels,
     /// Tiles that are not packed, and that are.
     pub(super) packed: [Tally; 2],
+    /// The first tile that cannot be read, and why.
+    pub(super) unreadable: Option<(TileId, String)>,
 }
 
 /// How many tiles there are of a kind, and the first.
@@ -105,6 +109,7 @@ impl Found {
     fn merge(&mut self, other: &Self) {
         self.faults.merge(&other.faults);
         self.pixels.merge(&other.pixels);
+        self.unreadable = self.unreadable.take().into_iter().chain(other.unreadable.clone()).min();
         for (mine, theirs) in self.packed.iter_mut().zip(&other.packed) {
             mine.merge(theirs);
         }
@@ -117,12 +122,11 @@ impl Found {
     }
 }
 
-/// Looks at all tiles. Records are by the number of the tile.
-pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Record>)> {
+/// Looks at all tiles. Records are by the number of the tile; there is none of one that cannot be read.
+pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Option<Record>>)> {
     let all = &context.tiles.all;
-    let none = Record { error: None, heights: [f64::NAN; 2] };
     let levels = usize::from(context.layer.finest) + 1;
-    let records = Mutex::new(vec![none; all.len()]);
+    let records = Mutex::new(vec![None; all.len()]);
     let found = Mutex::new(Found::new(levels));
     let below = Below::of(context.layer, context.tiles);
     let looker = Looker { context, sides: Cache::new(context.room.memory / 4), below };
@@ -165,14 +169,29 @@ struct Looker<'a> {
 }
 
 impl Looker<'_> {
-    fn look(&self, id: TileId, found: &mut Found) -> Result<Record> {
+    /// A tile, whether its file is packed, and its metadata.
+    fn read(&self, id: TileId) -> Result<(Tile, bool, Metadata)> {
+        let (tile, is_packed) = self.context.read(id)?;
+        let metadata = self.metadata(id, &tile)?;
+        Ok((tile, is_packed, metadata))
+    }
+
+    fn look(&self, id: TileId, found: &mut Found) -> Result<Option<Record>> {
         let (context, layer) = (self.context, &self.context.layer);
-        let (tile, is_packed) = context.read(id)?;
+        let (tile, is_packed, Metadata { error, available }) = match decoded(self.read(id))? {
+            Ok(read) => read,
+            Err(e) => {
+                found.faults.add(Fault::Unreadable, 1, id);
+                let why = Some((id, e.to_string()));
+                found.unreadable = found.unreadable.take().into_iter().chain(why).min();
+                return Ok(None);
+            }
+        };
         found.packed[usize::from(is_packed)].add(id);
         let faults = &mut found.faults;
         structure(id, &tile, faults);
         let positions = Facets::positions(id, &tile);
-        let about = self.contained(id, &tile, &positions, faults);
+        let (about, radius) = self.contained(id, &tile, &positions, faults);
         tile.faults.iter().for_each(|(fault, count)| faults.add(*fault, *count, id));
         if let Some(own) = layer.own(id.level) {
             lattice(id, &tile, own.step, faults);
@@ -194,9 +213,11 @@ impl Looker<'_> {
             faults.add(Fault::WrongMask, seen.wrong, id);
             found.pixels.merge(&seen);
         }
-        let Metadata { error, available } = self.metadata(id, &tile)?;
-        let is_wrong = |below: &Below| !below.is_right(id, available.as_deref(), context.tiles);
-        faults.add(Fault::Below, u64::from(self.below.as_ref().is_some_and(is_wrong)), id);
+        let is_wrong = match &self.below {
+            Some(below) => !below.is_right(id, available.as_deref(), context.tiles),
+            None => available.is_some() && layer.levels.is_some(),
+        };
+        faults.add(Fault::Below, u64::from(is_wrong), id);
         let sizes = &mut found.sizes[usize::from(id.level)];
         sizes[0] += tile.vertices.len() as u64;
         sizes[1] += tile.triangles.len() as u64;
@@ -205,27 +226,35 @@ impl Looker<'_> {
         let heights = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], height| {
             [low.min(height), high.max(height)]
         });
-        Ok(Record { error: error.or(about.map(|about| about.error)), heights })
+        let error = error.or(about.map(|about| about.error));
+        Ok(Some(Record { error, heights, radius }))
     }
 
-    /// Holds a tile to what is said of it; what subtrees say, where they say it.
+    /// Holds a tile to what is said of it; what subtrees say, where they say it. The radius that its sphere needs.
     fn contained(
         &self,
         id: TileId,
         tile: &Tile,
         positions: &[[f64; 3]],
         faults: &mut Faults,
-    ) -> Option<About> {
-        let Some(three) = self.context.layer.three() else {
-            contain(id, &tile.about(), tile.centre, positions, faults);
-            return None;
+    ) -> (Option<About>, f64) {
+        let layer = &self.context.layer;
+        let Some(three) = layer.three() else {
+            let about = tile.about();
+            contain(id, &about, Some(tile.centre), positions, faults);
+            if layer.levels.is_none() {
+                return (None, f64::INFINITY);
+            }
+            lowest(id, tile, faults);
+            return (None, tight(id, &about, Some(tile.centre), positions, faults));
         };
-        let about = *three.about(id)?;
+        let Some(about) = three.about(id).copied() else { return (None, f64::INFINITY) };
         let hanging = tile.skirt.triangles.as_flattened();
         let all = [positions, hanging].concat();
-        contain(id, &about, tile.centre, &all, faults);
-        between(id, &about, tile, positions, faults);
-        Some(about)
+        contain(id, &about, None, &all, faults);
+        let lattice = layer.own(id.level).and_then(|own| own.lattice).unwrap_or_default();
+        between(id, (&about, lattice), tile, positions, faults);
+        (Some(about), tight(id, &about, None, &all, faults))
     }
 
     /// The error that a tile records, and what it says there is below it.
@@ -290,7 +319,7 @@ impl Looker<'_> {
             let bytes = sides.iter().map(Chain::bytes).sum();
             Ok((sides, bytes))
         };
-        self.sides.get(id, make).map(Some)
+        Ok(decoded(self.sides.get(id, make))?.ok())
     }
 }
 

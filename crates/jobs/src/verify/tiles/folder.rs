@@ -1,11 +1,10 @@
 //! Which tiles a folder has, and one tile read.
 
-use std::cell::RefCell;
 use std::fs::{DirEntry, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use libdeflater::{DecompressionError, Decompressor};
+use flate2::bufread::GzDecoder;
 
 use super::layer::NAME;
 use super::room::Room;
@@ -19,9 +18,6 @@ const ENDING: &str = ".terrain";
 
 /// The first bytes of a file packed with gzip.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
-
-/// Bytes that one packed byte makes at the most.
-const MOST_RATIO: u64 = 1032;
 
 /// Most bytes of a tile, packed or not.
 const MOST_BYTES: u64 = 64 << 20;
@@ -166,27 +162,18 @@ pub(super) fn bytes(path: &Path) -> Result<(Vec<u8>, bool)> {
     read().map_err(|e| e.in_file(path))
 }
 
-/// The bytes that a gzip holds; of one member, as it says its length at the end.
-fn unpacked(bytes: &[u8]) -> Result<Vec<u8>> {
-    let bad = |what: &str| Error::bad_input(format!("is no sound gzip: {what}"));
-    let end = bytes.last_chunk().ok_or_else(|| bad("it has no end"))?;
-    let length = u64::from(u32::from_le_bytes(*end));
-    limits::check("length of the unpacked tile", length, MOST_BYTES)?;
-    if length > MOST_RATIO * bytes.len() as u64 {
-        return Err(bad("it says to be longer than so few bytes can make"));
-    }
-    let mut out = vec![0; length as usize];
-    // One for all tiles of a thread: making one for each tears the heap into pieces.
-    thread_local! {
-        static UNPACKER: RefCell<Decompressor> = RefCell::new(Decompressor::new());
-    }
-    let done = UNPACKER.with_borrow_mut(|unpacker| unpacker.gzip_decompress(bytes, &mut out));
-    match done {
-        Ok(found) if found == out.len() => Ok(out),
-        Ok(_) => Err(bad("it is shorter than it says")),
-        Err(DecompressionError::InsufficientSpace) => {
-            Err(bad("it is longer than it says, or bytes are left over after it"))
+/// The bytes that a gzip of one member holds.
+fn unpacked(packed: &[u8]) -> Result<Vec<u8>> {
+    let (mut unpacker, mut bytes) = (GzDecoder::new(packed), Vec::new());
+    let read = (&mut unpacker).take(MOST_BYTES + 1).read_to_end(&mut bytes);
+    limits::check("length of the unpacked tile", bytes.len() as u64, MOST_BYTES)?;
+    match read {
+        Ok(_) if unpacker.get_ref().is_empty() => Ok(bytes),
+        Ok(_) => Err(Error::bad_input("is not one gzip: bytes are left over after it")),
+        Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            let length = packed.len();
+            Err(Error::bad_input(format!("is truncated: its gzip ends after {length} bytes")))
         }
-        Err(DecompressionError::BadData) => Err(bad("its bytes are damaged")),
+        Err(e) => Err(Error::bad_input(format!("is not a sound gzip: {e}"))),
     }
 }

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::room::Room;
 use super::three::{self, Three};
 use crate::Cancel;
+use crate::tiles::WITH_GEOID;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, TileId};
@@ -49,6 +50,8 @@ pub(super) struct Range {
 #[derive(Debug, Deserialize)]
 struct Own {
     levels: Vec<Level>,
+    beyond: Option<String>,
+    heights: Option<String>,
 }
 
 /// A level as terrane says of its own sets.
@@ -83,6 +86,12 @@ pub(super) struct Layer {
     pub(super) levels: Option<Vec<Level>>,
     /// Metres that clients take level 0 to be off by.
     pub(super) assumed: f64,
+    /// The ground beyond the raster falls to the ellipsoid.
+    pub(super) tapers: bool,
+    /// The geoid was added to heights; where it is said.
+    pub(super) has_geoid: Option<bool>,
+    /// Extensions that are named and not known here.
+    pub(super) unknown: Vec<String>,
     pub(super) kind: Kind,
 }
 
@@ -123,6 +132,11 @@ impl Layer {
     /// The tolerance of a level in metres: what it states, or else what clients assume.
     pub(super) fn tolerance(&self, level: u8) -> f64 {
         self.own(level).map_or(self.assumed(level), |own| own.tolerance)
+    }
+
+    /// Metres that borders of a level may be off by: what clients assume, or a step of heights where that is larger.
+    pub(super) fn apart(&self, level: u8) -> f64 {
+        self.assumed(level).max(self.own(level).map_or(0.0, |own| own.step))
     }
 
     /// Metres that clients take a level to be off by.
@@ -218,22 +232,31 @@ impl Stored {
             return Err(Error::bad_input(message).remedy("levels begin with 0 and are all there"));
         }
         (0..).zip(&available).try_for_each(|(level, ranges)| check_ranges(level, ranges))?;
+        let beyond = self.terrane.as_ref().and_then(|own| own.beyond.as_deref());
+        let tapers = check_beyond(beyond)?;
+        let heights = self.terrane.as_ref().and_then(|own| own.heights.as_deref());
+        let has_geoid = heights.map(|heights| heights == WITH_GEOID);
         let levels = self.terrane.map(|own| check_levels(own.levels, finest)).transpose()?;
         if self.told_every == Some(0) {
             return Err(Error::bad_input("has tiles tell of what is below them every 0 levels"));
         }
+        const KNOWN: [&str; 3] = ["octvertexnormals", "metadata", "watermask"];
         let announces = |name: &str| self.extensions.iter().any(|own| own == name);
+        let unknown = self.extensions.iter().filter(|name| !KNOWN.contains(&name.as_str()));
         Ok(Layer {
             folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
             bounds: self.bounds,
             finest,
             available,
-            has_normals: announces("octvertexnormals"),
-            has_metadata: announces("metadata"),
-            has_water: announces("watermask"),
+            unknown: unknown.cloned().collect(),
+            has_normals: announces(KNOWN[0]),
+            has_metadata: announces(KNOWN[1]),
+            has_water: announces(KNOWN[2]),
             told_every: self.told_every,
             levels,
             assumed: ERROR_OF_ROOT,
+            tapers,
+            has_geoid,
             kind: Kind::QuantizedMesh,
         })
     }
@@ -274,6 +297,21 @@ fn check_ranges(level: u8, ranges: &[Range]) -> Result<()> {
             "has columns {} to {} and rows {} to {} available, which level {level} does not have",
             range.start_x, range.end_x, range.start_y, range.end_y
         ))),
+    }
+}
+
+/// Whether the ground beyond the raster falls, as terrane says it.
+///
+/// # Errors
+/// Another word than terrane has for it.
+pub(super) fn check_beyond(beyond: Option<&str>) -> Result<bool> {
+    match beyond {
+        None | Some("level") => Ok(false),
+        Some("taper") => Ok(true),
+        Some(other) => {
+            let message = format!("states {other:?} of the ground beyond the raster");
+            Err(Error::unsupported(message).remedy("taper and level are known"))
+        }
     }
 }
 

@@ -29,7 +29,7 @@ use crate::memory::{cache_beside, too_little};
 use crate::reading::Reading;
 use crate::tiles::GroundModel;
 use crate::{Cancel, Progress, Resources};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_proof::tiles::{Shore, Tile, TileId};
 use terrane_raster::{self as raster, Inputs, Water};
 
@@ -67,9 +67,9 @@ pub fn is_tiles(path: &Path) -> bool {
 /// a report whose verdict has not `passed`.
 ///
 /// # Errors
-/// A `layer.json` or `tileset.json` of another kind of tiles; a tile that cannot be decoded, with the byte; a raster whose place
+/// A `layer.json` or `tileset.json` of another kind of tiles; a raster whose place
 /// on the globe is not known, that reaches beyond the world or has no valid sample; too little memory for the number of
-/// tiles or the vertices of one.
+/// tiles or the vertices of one. A tile that cannot be decoded is a fault, and the others are proved.
 pub fn verify_tiles(
     job: &TilesVerifyJob,
     progress: &dyn Progress,
@@ -96,13 +96,14 @@ pub fn verify_tiles(
     let shore = water.map(shore).transpose()?;
     room.take(shore.as_ref().map_or(0, Shore::bytes));
     let room = room.divided(&places, job.resources.threads);
-    let context =
-        Context { layer: &layer, tiles: &tiles, places, shore, progress, cancel, room: &room };
-    let (alone, records) = alone::check(&context)?;
+    let (layer, tiles, room, steep) = (&layer, &tiles, &room, 0.0);
+    let mut context = Context { layer, tiles, places, shore, steep, progress, cancel, room };
     let (sweep, under) = sweep::check(&context)?;
     if sweep.valid == 0 {
         return Err(of_raster(Error::bad_input("has no valid sample")));
     }
+    context.steep = sweep.steep(context.places.spacing());
+    let (alone, records) = alone::check(&context)?;
     let found = report::Found { alone, records, sweep, under };
     let mut report = report::report(&context, &found, &grid.info().crs);
     (report.tiles, report.raster) = (job.tiles.display().to_string(), name);
@@ -138,6 +139,17 @@ fn check_memory(resources: &Resources) -> Result<()> {
     Err(too_little(resources.memory, LEAST_MEMORY))
 }
 
+/// The error of a tile that cannot be decoded, in place of the tile; others end the proof.
+fn decoded<T>(read: Result<T>) -> Result<std::result::Result<T, Error>> {
+    match read {
+        Ok(found) => Ok(Ok(found)),
+        Err(e) => match e.kind() {
+            ErrorKind::BadInput | ErrorKind::Unsupported | ErrorKind::Limit => Ok(Err(e)),
+            _ => Err(e),
+        },
+    }
+}
+
 /// What both passes need to know.
 struct Context<'a> {
     layer: &'a Layer,
@@ -145,6 +157,8 @@ struct Context<'a> {
     places: Places<'a>,
     /// What masks of water are held to.
     shore: Option<Shore>,
+    /// Metres that heights of steep ground are apart; none where it is not steep.
+    steep: f64,
     progress: &'a dyn Progress,
     cancel: &'a Cancel,
     room: &'a Divided,
@@ -166,9 +180,25 @@ impl Context<'_> {
         self.layer.tolerance(level) + ROUNDING
     }
 
-    /// The gap that borders between a level and the next coarser one are held to.
+    /// The error that a tile of a level may record: of 3D Tiles also that of one below it.
+    fn most_recorded(&self, level: u8) -> f64 {
+        let finest = if self.layer.three().is_some() { self.layer.finest } else { level };
+        (level..=finest).map(|level| self.limit(level)).fold(0.0, f64::max)
+    }
+
+    /// The gap that borders between a level and the next coarser one are held to. Positions are rounded to steps, which
+    /// steep ground makes heights of.
     fn allowed_gap(&self, level: u8) -> f64 {
-        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.tolerance(level));
-        self.layer.tolerance(level) + coarser + ROUNDING
+        let of = |level: u8| {
+            let part = (4.0 * self.places.samples_of_step(level)).min(1.0);
+            if self.steep > 0.0 { self.steep * part } else { 0.0 }
+        };
+        self.assumed_gap(level) + of(level) + level.checked_sub(1).map_or(0.0, of) + ROUNDING
+    }
+
+    /// The errors together that clients assume of a level and the next coarser one.
+    fn assumed_gap(&self, level: u8) -> f64 {
+        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.apart(level));
+        self.layer.apart(level) + coarser
     }
 }

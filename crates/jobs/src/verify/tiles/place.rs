@@ -4,7 +4,7 @@ use crate::Resources;
 use crate::globe::{Lift, OnGlobe};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_proof::tiles::{Meridian, Parallel};
+use terrane_proof::tiles::{LAST, Meridian, Parallel, rows};
 use terrane_raster::GridSource;
 
 /// A raster on the globe.
@@ -47,6 +47,11 @@ impl<'a> Places<'a> {
         Ok(Self { grid, on_globe, lift, knows_unit, notes })
     }
 
+    /// Whether a geoid is added to heights.
+    pub(super) fn has_geoid(&self) -> bool {
+        self.lift.has_geoid()
+    }
+
     /// The rectangle of all samples.
     pub(super) fn bounds(&self) -> Rect {
         self.grid.info().bounds()
@@ -58,6 +63,26 @@ impl<'a> Places<'a> {
             OnGlobe::Straight(_) => 0,
             OnGlobe::Moved(..) => size_of::<[f64; 2]>() as u64,
         }
+    }
+
+    /// Degrees between neighbouring samples, about, along the finer axis; nothing where there is one sample.
+    pub(super) fn spacing(&self) -> f64 {
+        let Rect { width, height, .. } = self.bounds();
+        let apart = |a: [u32; 2], b: [u32; 2]| {
+            let [a, b] = [a, b].map(|[col, row]| self.place(col, row).unwrap_or([f64::NAN; 2]));
+            (0..2).map(|axis| (a[axis] - b[axis]).abs()).fold(0.0, f64::max)
+        };
+        let [col, row] = [width / 2, height / 2];
+        let along = (width > 1).then(|| apart([col, row], [col - 1, row]));
+        let down = (height > 1).then(|| apart([col, row], [col, row - 1]));
+        along.into_iter().chain(down).reduce(f64::min).unwrap_or_default()
+    }
+
+    /// Samples beside each other in a step of positions of a level, at the most; all where there is one sample.
+    pub(super) fn samples_of_step(&self, level: u8) -> f64 {
+        let step = 180.0 / f64::from(rows(level)) / f64::from(LAST);
+        // Systems have other scales elsewhere, by no more than half.
+        2.0 * step / self.spacing()
     }
 
     /// Longitude and latitude of a sample.

@@ -11,11 +11,25 @@ use crate::verify::found::Verdict;
 use terrane_base::geom::Crs;
 use terrane_proof::tiles::{Check, Fault, Faults, Pixels, TileId};
 
+/// Metres that a sphere may be larger than it has to be, and part that a tolerance may: rounding.
+const LOOSE: f64 = 1e-3;
+const SHARE: f64 = 1e-6;
+/// What a tolerance may be of an error that is larger than clients assume.
+const MEASURED: f64 = 1.01;
+/// Steps of heights in the error that clients assume, at most.
+const FINEST: f64 = 64.0 * (1.0 + 1e-6);
+
 /// Degrees by which bounds may miss a sample: they are written in decimals.
 const DEGREES: f64 = 1e-9;
 
-/// How the fault begins of files that belong to no set.
+/// How the fault begins of files that belong to no set, and of those that cannot be read.
 const STRAY: &str = "files that are neither";
+const UNREADABLE: &str = "tiles that cannot be read";
+
+/// Samples of a tile, about, from which on it need not be as near to rough ground as clients assume.
+const MANY: u64 = 1 << 17;
+/// Parts of the range of heights that a step of heights is at the most, in tiles with all of that range.
+const STEPS: f64 = 8192.0;
 
 /// What was found. Distances and heights are in metres; tiles are "level/column/row".
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -121,7 +135,7 @@ pub struct LevelReport {
 /// All that was found.
 pub(super) struct Found {
     pub(super) alone: alone::Found,
-    pub(super) records: Vec<Record>,
+    pub(super) records: Vec<Option<Record>>,
     pub(super) sweep: sweep::Found,
     pub(super) under: Vec<Under>,
 }
@@ -191,8 +205,10 @@ impl Judge<'_> {
     fn tiles(&self, faults: &mut Faults) {
         let layer = self.context.layer;
         let numbered = self.context.tiles.all.iter().zip(&self.found.records);
-        let [lowest, highest] = self.found.sweep.heights.unwrap_or_default();
+        let [lowest, highest] = self.reach();
         for ((&id, record), under) in numbered.zip(&self.found.under) {
+            let Some(record) = record else { continue };
+            self.sphere(id, record, faults);
             let step = layer.own(id.level).map_or(0.0, |own| own.step);
             let [low, high] = record.heights;
             let is_spike = low < lowest - step - ROUNDING || high > highest + step + ROUNDING;
@@ -205,9 +221,37 @@ impl Judge<'_> {
             };
             let is_over = under.far.is_some_and(|far| far.distance > recorded + ROUNDING);
             faults.add(Fault::OverRecorded, u64::from(is_over), id);
-            let is_reckless = recorded > self.context.limit(id.level);
+            let is_reckless = recorded > self.context.most_recorded(id.level);
             faults.add(Fault::Reckless, u64::from(is_reckless), id);
         }
+    }
+
+    /// The lowest and the highest height that tiles may have.
+    fn reach(&self) -> [f64; 2] {
+        let [low, high] = self.found.sweep.heights.unwrap_or_default();
+        if self.context.layer.tapers { [low.min(0.0), high.max(0.0)] } else { [low, high] }
+    }
+
+    /// Holds the sphere of a tile of terrane's to be no larger than it and the spheres below it need.
+    fn sphere(&self, id: TileId, record: &Record, faults: &mut Faults) {
+        let Some(three) = self.context.layer.three() else { return };
+        let Some(about) = three.about(id) else { return };
+        let below = id.below().filter_map(|part| three.about(part));
+        let needed = below.map(|part| about.reach_of(part)).fold(record.radius, f64::max);
+        faults.add(Fault::LooseSphere, u64::from(about.sphere.1 > needed + LOOSE), id);
+    }
+
+    /// The error of a level that has to be allowed, as its positions and steps of heights cannot hold samples nearer, or
+    /// its tiles have too many of them.
+    fn unavoidable(&self, level: u8) -> f64 {
+        let [low, high] = self.reach();
+        let of_level = self.context.tiles.of_level(level);
+        let most = self.found.under[of_level].iter().map(|under| under.count).max();
+        let steps = match most.unwrap_or_default() > MANY {
+            true => 1.0,
+            false => (4.0 * self.context.places.samples_of_step(level) + 1.0 / STEPS).min(1.0),
+        };
+        self.context.layer.assumed(level) + (high - low) * steps
     }
 
     /// Which tiles there are, and what is said of them.
@@ -235,6 +279,16 @@ impl Judge<'_> {
             low && east >= data[2] - DEGREES && north >= data[3] - DEGREES
         };
         faults.add(Fault::Bounds, u64::from(!layer.bounds.is_some_and(holds)), None);
+        let spacing = self.context.places.spacing();
+        let slack = DEGREES + spacing * spacing;
+        let is_loose = |told: [f64; 4], whole: [f64; 4]| {
+            let far =
+                [whole[0] - told[0], whole[1] - told[1], told[2] - whole[2], told[3] - whole[3]];
+            far.iter().any(|far| *far > slack)
+        };
+        let both = layer.bounds.zip(self.found.sweep.whole).filter(|_| layer.levels.is_some());
+        let is_off = both.is_some_and(|(told, whole)| is_loose(told, whole));
+        faults.add(Fault::LooseBounds, u64::from(is_off), None);
         let is_beyond = |[west, south, east, north]: [f64; 4]| {
             west < -180.0 || south < -90.0 || east > 180.0 || north > 90.0
         };
@@ -313,21 +367,38 @@ impl Judge<'_> {
     fn levels(&self, levels: &[LevelReport], faults: &mut Faults) {
         for found in levels {
             let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
-            let is_lax = found.tolerance > self.context.layer.assumed(found.level) * (1.0 + 1e-6);
+            let assumed = self.context.layer.assumed(found.level);
+            let error = found.max_error.unwrap_or_default();
+            // Steep triangles make distances of what is rounded.
+            let needed = (error * MEASURED + LOOSE).max(assumed);
+            let is_lax = found.tolerance > needed * (1.0 + SHARE);
             faults.add(Fault::Assumed, u64::from(is_lax), id.copied());
+            let is_far = error > self.unavoidable(found.level);
+            faults.add(Fault::Avoidable, u64::from(is_far), id.copied());
             let Some(own) = self.context.layer.own(found.level) else { continue };
-            let is_larger = found.max_error.is_some_and(|error| error > own.error + ROUNDING);
-            faults.add(Fault::LevelError, u64::from(is_larger), id.copied());
-            let allowed = self.context.allowed_gap(found.level) - 2.0 * ROUNDING;
+            faults.add(Fault::LevelError, u64::from(error > own.error + ROUNDING), id.copied());
+            let recorded = self.recorded(found.level);
+            let is_other = recorded.is_some_and(|recorded| own.error > recorded + ROUNDING);
+            faults.add(Fault::OtherError, u64::from(is_other), id.copied());
+            let is_fine = own.step < assumed / FINEST;
+            faults.add(Fault::FineStep, u64::from(is_fine), id.copied());
+            let allowed = self.context.assumed_gap(found.level) - ROUNDING;
             let is_short = own.skirt.is_some_and(|skirt| skirt < allowed);
             faults.add(Fault::SkirtShort, u64::from(is_short), id.copied());
             faults.add(Fault::Counts, u64::from(own.tiles != found.tiles), id.copied());
         }
     }
 
+    /// The largest error that a tile of a level records, where all of them can be read.
+    fn recorded(&self, level: u8) -> Option<f64> {
+        let of_level = &self.found.records[self.context.tiles.of_level(level)];
+        let errors = of_level.iter().map(|record| Some(record.as_ref()?.error.unwrap_or_default()));
+        errors.collect::<Option<Vec<_>>>().map(|all| all.into_iter().fold(0.0, f64::max))
+    }
+
     fn most_overstated(&self) -> Option<f64> {
         let both = self.found.records.iter().zip(&self.found.under);
-        let over = both.filter_map(|(record, under)| Some(record.error? - under.far?.distance));
+        let over = both.filter_map(|(record, under)| Some((*record)?.error? - under.far?.distance));
         over.reduce(f64::max)
     }
 
@@ -367,9 +438,13 @@ impl Judge<'_> {
                 }
                 _ => String::new(),
             };
-            match fault.what.strip_prefix(self.context.layer.name()) {
-                Some(_) => fault.what.clone(),
-                None => format!("{} {}{first}", fault.count, fault.what),
+            let why = self.found.alone.unreadable.as_ref();
+            match (fault.what.strip_prefix(self.context.layer.name()), why) {
+                (Some(_), _) => fault.what.clone(),
+                (None, Some((_, why))) if fault.what == UNREADABLE => {
+                    format!("{} {}, first {why}", fault.count, fault.what)
+                }
+                (None, _) => format!("{} {}{first}", fault.count, fault.what),
             }
         };
         checks.iter().flat_map(|check| &check.faults).map(told).collect()
@@ -380,11 +455,16 @@ impl Judge<'_> {
         if self.context.layer.has_water && self.context.shore.is_none() {
             not.push("masks of water, as no file of it was named".to_owned());
         }
+        let unknown = &self.context.layer.unknown;
+        if !unknown.is_empty() {
+            not.push(format!("the extensions {}, which are not known", unknown.join(", ")));
+        }
         if self.context.layer.levels.is_none() {
             not.push(
                 "whether heights are on one lattice, as layer.json states no steps".to_owned(),
             );
-            let none = self.found.records.iter().filter(|record| record.error.is_none()).count();
+            let records = self.found.records.iter().flatten();
+            let none = records.filter(|record| record.error.is_none()).count();
             not.extend((none > 0).then(|| format!("the errors of {none} tiles that record none")));
         }
         not
@@ -396,8 +476,15 @@ impl Judge<'_> {
         let is_dry = self.context.layer.has_water && self.context.shore.is_none();
         let of_water =
             "tiles tell of water, which is level in them: pass --water with the file of it";
+        let has_geoid = self.context.places.has_geoid();
+        let is_other = self.context.layer.has_geoid.is_some_and(|said| said != has_geoid);
+        let of_geoid = match has_geoid {
+            true => "the tiles say that no geoid was added to their heights: leave --geoid out",
+            false => "the tiles say that a geoid was added to their heights: pass --geoid",
+        };
         let found = self.context.places.notes.iter().cloned();
         found
+            .chain(is_other.then(|| of_geoid.to_owned()))
             .chain(unknown.then(|| note.to_owned()))
             .chain(is_dry.then(|| of_water.to_owned()))
             .collect()

@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-use super::Context;
 use super::cache::Cache;
 use super::place::{Placed, Places};
+use super::{Context, decoded};
 use crate::workers;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -29,6 +29,9 @@ pub(super) fn window_bytes(places: &Places<'_>) -> u64 {
     };
     u64::from(window(places)).pow(2) * sample + (1 << 20)
 }
+/// Metres for a metre from which on ground is steep, and metres of a degree, about.
+const STEEP: f64 = 8.0;
+const DEGREE: f64 = 111_000.0;
 /// Most tiles that are counted as missing.
 pub(super) const MOST_MISSING: usize = 1 << 20;
 
@@ -74,6 +77,10 @@ pub(super) struct Found {
     pub(super) heights: Option<[f64; 2]>,
     /// West, south, east and north of them.
     pub(super) bounds: Option<[f64; 4]>,
+    /// The same of all samples.
+    pub(super) whole: Option<[f64; 4]>,
+    /// Metres between the heights of neighbours, at the most.
+    jump: f64,
     missing: BTreeSet<TileId>,
 }
 
@@ -90,12 +97,24 @@ impl Found {
             mine.squares.merge(&theirs.squares);
         }
         self.valid += other.valid;
+        self.jump = self.jump.max(other.jump);
         other.heights.into_iter().flatten().for_each(|height| self.reach(height));
         if let Some([west, south, east, north]) = other.bounds {
-            self.hold([west, south]);
-            self.hold([east, north]);
+            hold(&mut self.bounds, [west, south]);
+            hold(&mut self.bounds, [east, north]);
+        }
+        if let Some([west, south, east, north]) = other.whole {
+            hold(&mut self.whole, [west, south]);
+            hold(&mut self.whole, [east, north]);
         }
         self.missing.extend(other.missing);
+    }
+
+    /// Metres between the lowest and the highest sample, where neighbours are further apart in height than steep ground
+    /// is, their places being so many degrees apart; else none.
+    pub(super) fn steep(&self, spacing: f64) -> f64 {
+        let [low, high] = self.heights.unwrap_or_default();
+        if self.jump > STEEP * spacing * DEGREE { high - low } else { 0.0 }
     }
 
     fn reach(&mut self, height: f64) {
@@ -103,16 +122,16 @@ impl Found {
         self.heights = Some([low.min(height), high.max(height)]);
     }
 
-    fn hold(&mut self, [x, y]: [f64; 2]) {
-        let [west, south, east, north] = self.bounds.unwrap_or([x, y, x, y]);
-        self.bounds = Some([west.min(x), south.min(y), east.max(x), north.max(y)]);
-    }
-
     fn miss(&mut self, id: TileId) {
         if self.missing.len() < MOST_MISSING {
             self.missing.insert(id);
         }
     }
+}
+
+fn hold(bounds: &mut Option<[f64; 4]>, [x, y]: [f64; 2]) {
+    let [west, south, east, north] = bounds.unwrap_or([x, y, x, y]);
+    *bounds = Some([west.min(x), south.min(y), east.max(x), north.max(y)]);
 }
 
 /// Measures all samples. What lies under tiles is by the number of the tile.
@@ -173,15 +192,24 @@ impl<'a> Window<'a> {
     /// Counts the valid samples.
     fn count(&self, found: &mut Found) {
         let width = self.rect.width as usize;
-        for (number, &height) in self.heights.iter().enumerate().filter(|(_, z)| !z.is_nan()) {
-            found.valid += 1;
-            found.reach(height);
-            found.hold(match &self.placed {
+        for (number, &height) in self.heights.iter().enumerate() {
+            let place = match &self.placed {
                 Placed::Straight { longitudes, latitudes, .. } => {
                     [longitudes[number % width], latitudes[number / width]]
                 }
                 Placed::Moved(places) => places[number],
-            });
+            };
+            hold(&mut found.whole, place);
+            let left = (!number.is_multiple_of(width)).then(|| number - 1);
+            for beside in left.into_iter().chain(number.checked_sub(width)) {
+                // That of a void is no number, and less than any.
+                found.jump = found.jump.max((height - self.heights[beside]).abs());
+            }
+            if !height.is_nan() {
+                found.valid += 1;
+                found.reach(height);
+                hold(&mut found.bounds, place);
+            }
         }
     }
 
@@ -271,7 +299,8 @@ impl Level<'_> {
             self.found.miss(id);
             return Ok(());
         };
-        let facets = self.facets_of(id)?;
+        // One that cannot be read is told of elsewhere.
+        let Ok(facets) = decoded(self.facets_of(id))? else { return Ok(()) };
         let under = measure(self, &facets);
         let mut all = lock(self.under);
         let known = &mut all[number];

@@ -7,14 +7,15 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::folder::{self, Tiles, entries, number};
-use super::layer::{Kind, Layer, Level, Range, check_levels, text_of};
+use super::layer::{Kind, Layer, Level, Range, check_beyond, check_levels, text_of};
 use super::room::Room;
 use crate::Cancel;
+use crate::tiles::WITH_GEOID;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{
-    About, Content, Fault, Faults, MOST_LEVEL, MOST_SUBTREE_LEVELS, Said, Schema, Subtree, Tile,
-    TileId,
+    About, Content, ERROR_OF_ROOT, Fault, Faults, MOST_LEVEL, MOST_SUBTREE_LEVELS, Said, Schema,
+    Subtree, Tile, TileId,
 };
 
 /// The name of the file.
@@ -27,6 +28,10 @@ const SUBTREE: &str = ".subtree";
 
 /// Radians that the sides of a region may be off by.
 const RADIANS: f64 = 1e-12;
+
+/// Metres that heights of regions may be off by, and parts that errors may: rounding.
+const METRES: f64 = 1e-6;
+const SHARE: f64 = 1e-6;
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
@@ -56,6 +61,8 @@ struct Own {
     normals: bool,
     edges: bool,
     levels: Vec<Level>,
+    beyond: Option<String>,
+    heights: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -107,6 +114,8 @@ pub(super) struct Three {
     subtrees: HashSet<TileId>,
     /// Lowest and highest of the regions of the whole and of its halves.
     regions: [[f64; 2]; 3],
+    /// Errors of the whole, its root and the halves.
+    errors: [f64; 3],
     has_edges: bool,
 }
 
@@ -145,6 +154,7 @@ impl Stored {
             about: HashMap::new(),
             subtrees: HashSet::new(),
             regions: regions.map(|volume| [volume.region[4], volume.region[5]]),
+            errors: [self.geometric_error, self.root.geometric_error, west.geometric_error],
             has_edges: own.edges,
         };
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
@@ -167,7 +177,10 @@ impl Stored {
             has_water: false,
             told_every: None,
             levels: Some(levels),
-            assumed: west.geometric_error.min(east.geometric_error),
+            assumed: ERROR_OF_ROOT,
+            tapers: check_beyond(own.beyond.as_deref()).map_err(of_file)?,
+            has_geoid: own.heights.map(|heights| heights == WITH_GEOID),
+            unknown: Vec::new(),
             kind: Kind::ThreeTiles(three),
         })
     }
@@ -306,13 +319,24 @@ impl Three {
             }
         }
         let [whole, west, east] = self.regions;
-        let is_out = |(id, about): &(&TileId, &About)| {
-            let half = if id.x >> id.level == 0 { west } else { east };
-            let [low, high] = about.heights;
-            [whole, half].iter().any(|region| region[0] > low || region[1] < high)
+        let both = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        let of_half = |x: u32| {
+            let tiles = self.about.iter().filter(|(id, _)| id.x >> id.level == x);
+            tiles.map(|(_, about)| about.heights).reduce(both)
         };
-        let out = self.about.iter().filter(is_out).count();
-        faults.add(Fault::Regions, u64::from(out > 0), None);
+        let halves = [of_half(0), of_half(1)];
+        let needed = halves.into_iter().flatten().reduce(both);
+        let is_other = |(told, needed): ([f64; 2], Option<[f64; 2]>)| {
+            needed.is_some_and(|needed| (0..2).any(|end| (told[end] - needed[end]).abs() > METRES))
+        };
+        let is_off =
+            [(whole, needed), (west, halves[0]), (east, halves[1])].into_iter().any(is_other);
+        faults.add(Fault::Regions, u64::from(is_off), None);
+        let worst = self.about.values().map(|about| about.error).fold(ERROR_OF_ROOT, f64::max);
+        let needed = [2.0 * worst, 2.0 * worst, worst];
+        let is_other = |(told, needed): (&f64, &f64)| (told / needed - 1.0).abs() > SHARE;
+        let is_off = self.errors.iter().zip(&needed).any(is_other);
+        faults.add(Fault::RootErrors, u64::from(is_off), None);
     }
 
     /// Looks through the folder of a set for its files.

@@ -1,0 +1,82 @@
+//! Triangles above each other: clients that decode earth-centred coordinates put vertices on a lattice, and where these
+//! are nearer to each other than its steps a triangle may be turned over. A sample there has several distances.
+
+use crate::globe::{EQUATOR, Upright, Vector};
+use crate::measure::Facet;
+use crate::tiling::{STEPS, TileId, degrees};
+
+/// Part of a triangle's length that it has to reach up, so that it is not turned over whatever is exactly upright.
+const SURELY: f64 = 0.02;
+
+/// Triangles by the squares of positions that they reach into.
+pub(crate) struct Folds {
+    lists: Vec<Vec<u32>>,
+    squares: usize,
+}
+
+impl Facet {
+    /// Whether the line upright at a point meets it, from above or from below.
+    pub(crate) fn is_met(&self, up: Vector, point: Vector) -> bool {
+        let [a, b, c] = self.corners.map(|corner| corner - point);
+        let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.dot(up));
+        let is_over =
+            sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0);
+        is_over && sides.iter().sum::<f64>() != 0.0
+    }
+
+    /// How far a sample is from it, where it is no plane: no further than from one of its corners.
+    pub(crate) fn within(&self, up: Vector, point: Vector, doubt: f64) -> f64 {
+        let corners = self.corners.iter().map(|corner| (*corner - point).dot(up).abs());
+        self.off(up, point, doubt).min(corners.fold(0.0, f64::max) + doubt)
+    }
+
+    fn is_turned_over(&self, id: TileId, at: [[i32; 2]; 3]) -> bool {
+        let out = self.corners[0].unit();
+        if self.across.dot(out) > SURELY * self.across.length() {
+            return false;
+        }
+        let up = |at: [i32; 2]| Upright::at(id.place(at)).normal;
+        at.into_iter().any(|at| self.across.dot(up(at)) <= 0.0)
+    }
+}
+
+impl Folds {
+    /// Of triangles by number, with the positions of their corners, on a lattice of so many metres; `None` where none is
+    /// turned over.
+    pub(crate) fn of(
+        (id, lattice): (TileId, f64),
+        facets: &[Facet],
+        triangles: impl Iterator<Item = (u32, [[i32; 2]; 3])> + Clone,
+    ) -> Option<Self> {
+        triangles.clone().find(|(number, at)| facets[*number as usize].is_turned_over(id, *at))?;
+        let squares = (facets.len() as f64).sqrt().ceil().max(1.0) as usize;
+        let mut folds = Self { lists: vec![Vec::new(); squares * squares], squares };
+        let bounds = id.bounds();
+        let north = bounds.south.abs().max(bounds.north.abs()).to_radians();
+        let step = degrees(id.level).to_radians() * EQUATOR / f64::from(STEPS);
+        let beside = [step * north.cos().max(0.01), step].map(|step| 2.0 + 2.0 * lattice / step);
+        for (number, at) in triangles {
+            let ends = |axis: usize| {
+                let all = at.map(|at| at[axis]);
+                let [low, high] = [all.iter().min(), all.iter().max()]
+                    .map(|end| f64::from(end.copied().unwrap_or_default()));
+                folds.square(low - beside[axis])..=folds.square(high + beside[axis])
+            };
+            let (cols, rows) = (ends(0), ends(1));
+            for row in rows {
+                cols.clone().for_each(|col| folds.lists[row * squares + col].push(number));
+            }
+        }
+        Some(folds)
+    }
+
+    fn square(&self, at: f64) -> usize {
+        let square = at / f64::from(STEPS + 1) * self.squares as f64;
+        square.clamp(0.0, self.squares as f64 - 1.0) as usize
+    }
+
+    /// The triangles that may lie above or below a position.
+    pub(crate) fn near(&self, [u, v]: [f64; 2]) -> &[u32] {
+        &self.lists[self.square(v) * self.squares + self.square(u)]
+    }
+}

@@ -1,0 +1,73 @@
+//! What the samples of a bent grid lie in, how far apart they are, and where lines cross them.
+
+use crate::globe::{EQUATOR, Turn, Upright, Vector};
+use crate::table::Table;
+use crate::tiling::Bounds;
+use terrane_base::error::{Error, Result};
+
+/// Degrees, as along the equator, between samples that are nearest to each other.
+pub(crate) fn spacing(upright: &Table<3>) -> f64 {
+    let [cols, rows] = upright.parts.map(|parts| parts as usize);
+    let mut least = f64::INFINITY;
+    for row in 0..=rows {
+        for col in 0..=cols {
+            let here = Vector(upright.node([col, row]));
+            for (axis, next) in [[col + 1, row], [col, row + 1]].into_iter().enumerate() {
+                if next[axis] <= [cols, rows][axis] {
+                    let off = (Vector(upright.node(next)) - here).length();
+                    least = least.min(off / upright.step[axis]);
+                }
+            }
+        }
+    }
+    least.to_degrees()
+}
+
+/// What all samples lie in.
+///
+/// # Errors
+/// Samples on both sides of 180 degrees.
+pub(crate) fn outline(
+    [width, height]: [u32; 2],
+    upright: &Table<3>,
+    spacing: f64,
+) -> Result<Bounds> {
+    let place =
+        |col: u32, row: u32| Upright::along(Vector(upright.at([col, row].map(f64::from)))).place();
+    let across = |row: u32| (0..width).map(|col| place(col, row)).collect::<Vec<_>>();
+    let down = |col: u32| (0..height).map(|row| place(col, row)).collect::<Vec<_>>();
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for side in [across(0), across(height - 1), down(0), down(width - 1)] {
+        if side.windows(2).any(|two| (two[0][0] - two[1][0]).abs() > 180.0) {
+            return Err(Error::unsupported("lies across 180 degrees, or around a pole")
+                .remedy("take what lies on either side for itself"));
+        }
+        for place in side {
+            for axis in 0..2 {
+                (low[axis], high[axis]) = (low[axis].min(place[axis]), high[axis].max(place[axis]));
+            }
+        }
+    }
+    // Sides bow out a little between samples, and those within may lie behind that.
+    let bow = 1e-11 + spacing * spacing / 10.0;
+    Ok(Bounds {
+        west: (low[0] - bow).max(-180.0),
+        south: (low[1] - bow).max(-90.0),
+        east: (high[0] + bow).min(180.0),
+        north: (high[1] + bow).min(90.0),
+    })
+}
+
+/// Where whole numbers are along a part of a line, if numbers grow or shrink evenly from one end to the other; few.
+pub(crate) fn crossings([a, b]: [f64; 2], [from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
+    let (first, last) = (from.min(to).floor() + 1.0, from.max(to).ceil() - 1.0);
+    // Numbers of places that have none are no numbers.
+    let count = if last - first < 4.0 { (last - first + 1.0).max(0.0) as u32 } else { 0 };
+    (0..count).map(move |i| a + (b - a) * ((first + f64::from(i) - from) / (to - from)))
+}
+
+/// Metres from one place to another, along the meridian and then along the parallel of the second.
+pub(crate) fn metres(from: [f64; 2], to: [f64; 2]) -> f64 {
+    let [x, y] = [0, 1].map(|axis: usize| (from[axis] - to[axis]).abs().to_radians());
+    (x * Turn::of(to[1]).cos + y) * EQUATOR
+}

@@ -1,0 +1,135 @@
+//! What levels have to hold of a ground, told from blocks before any tile is made: how far apart heights in a tile may
+//! be, and how rough the ground is where a tile would have too many vertices.
+
+use super::{Block, Overview};
+use crate::globe::EQUATOR;
+use crate::level::Relief;
+use crate::tiling::{degrees, level_error};
+
+/// Vertices of a tile, about, that are not exceeded for the error that clients assume.
+const MOST_VERTICES: u64 = 1 << 18;
+
+/// The lowest and the highest of no heights.
+const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+
+fn both(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+impl Overview {
+    /// The lowest and the highest height that a tile may have.
+    pub fn ends(&self) -> [f64; 2] {
+        match self.plan.chart.slope() > 0.0 {
+            true => both(self.range, [0.0; 2]),
+            false => self.range,
+        }
+    }
+
+    /// What each level has to hold, down to the last. O(blocks), for each level that is far from the samples.
+    pub fn reliefs(&self, last: u8) -> Vec<Relief> {
+        let ranges = self.ranges();
+        let [low, high] = self.ends();
+        let jump = self.blocks.iter().map(|block| block.jump).fold(0.0, f64::max);
+        let relief = |level: u8| Relief {
+            reach: low.abs().max(high.abs()),
+            range: self.range_of(level, &ranges).min(high - low),
+            rough: self.roughness(level),
+            doubt: self.plan.chart.doubt(),
+            jump,
+        };
+        (0..=last).map(relief).collect()
+    }
+
+    /// Metres between the heights of a tile, at the most.
+    fn range_of(&self, level: u8, ranges: &[f64]) -> f64 {
+        let across = degrees(level) / self.plan.chart.spacing() / f64::from(self.plan.blocks.side);
+        // Tiles may lie across rows, and begin within a block.
+        let blocks = across * 2_f64.sqrt() + 2.0;
+        let doubled = (blocks.log2().ceil() as usize).min(ranges.len() - 1);
+        let fall = 2.0 * degrees(level).to_radians() * EQUATOR * self.plan.chart.slope();
+        ranges[doubled] + fall
+    }
+
+    /// Metres between the heights of 1, 2, 4, ... times as many blocks beside each other, at the most, up to all.
+    fn ranges(&self) -> Vec<f64> {
+        let [cols, rows] = self.plan.blocks.counts.map(|count| count as usize);
+        let all = (0..rows as u32).flat_map(|row| (0..cols as u32).map(move |col| [col, row]));
+        let mut ends: Vec<[f64; 2]> = all.map(|at| self.ends_of(at)).collect();
+        let most =
+            |ends: &[[f64; 2]]| ends.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
+        let mut found = vec![most(&ends)];
+        let mut size = 1;
+        while size < cols.max(rows) {
+            for row in 0..rows {
+                for col in 0..cols {
+                    let [right, down] = [(col + size).min(cols - 1), (row + size).min(rows - 1)];
+                    let of = [[right, row], [col, down], [right, down]];
+                    let whole = of.iter().fold(ends[row * cols + col], |whole, [col, row]| {
+                        both(whole, ends[row * cols + col])
+                    });
+                    ends[row * cols + col] = whole;
+                }
+            }
+            size *= 2;
+            found.push(most(&ends));
+        }
+        found
+    }
+
+    /// The lowest and the highest height that a block may have, its voids included.
+    fn ends_of(&self, at: [u32; 2]) -> [f64; 2] {
+        let (block, rect) = (self.block(at), self.plan.blocks.rect(at));
+        let of_voids = match u64::from(block.count) == rect.len() as u64 {
+            true => NONE,
+            false => self.fill.ends(rect),
+        };
+        let [low, high] = self.range;
+        let [below, above] = block.ends_of([rect.width, rect.height]);
+        both([below.max(low), above.min(high)], of_voids)
+    }
+
+    /// The error below which tiles of a level would have too many vertices, as they have more samples than that in
+    /// blocks that no plane is near to.
+    fn roughness(&self, level: u8) -> f64 {
+        let across = degrees(level) / self.plan.chart.spacing();
+        if across * across <= MOST_VERTICES as f64 {
+            return 0.0;
+        }
+        let [cols, rows] = self.plan.blocks.counts;
+        let all = (0..rows).flat_map(|row| (0..cols).map(move |col| [col, row]));
+        let rough = all.filter(|at| self.block(*at).off() > level_error(level));
+        let mut found: Vec<([u32; 2], f64, u32)> = rough
+            .map(|at| {
+                let (block, rect) = (self.block(at), self.plan.blocks.rect(at));
+                let middle = [rect.col + rect.width / 2, rect.row + rect.height / 2];
+                let [lon, lat] = self.plan.chart.place(middle.map(f64::from));
+                let tile = [lon + 180.0, lat + 90.0].map(|at| (at / degrees(level)) as u32);
+                (tile, block.off(), block.count)
+            })
+            .collect();
+        found.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+        let of_tile = |blocks: &[([u32; 2], f64, u32)]| {
+            let mut sum = 0;
+            let first = blocks.iter().find(|(.., count)| {
+                sum += u64::from(*count);
+                sum > MOST_VERTICES
+            });
+            // As far as two samples of a block are apart: nearer, each that is taken makes another one.
+            first.map_or(0.0, |(_, off, _)| 2.0 * off)
+        };
+        found.chunk_by(|a, b| a.0 == b.0).map(of_tile).fold(0.0, f64::max)
+    }
+}
+
+impl Block {
+    /// Heights that none of its samples is below or above; it is so many columns and rows large.
+    fn ends_of(&self, [width, height]: [u32; 2]) -> [f64; 2] {
+        if self.count == 0 {
+            return NONE;
+        }
+        let [right, down] = [width - 1, height - 1].map(f64::from);
+        let corners = [[0.0, 0.0], [right, 0.0], [0.0, down], [right, down]];
+        let plane = corners.map(|at| [self.height(at); 2]).into_iter().fold(NONE, both);
+        [plane[0] - self.off(), plane[1] + self.off()]
+    }
+}

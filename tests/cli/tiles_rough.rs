@@ -1,0 +1,196 @@
+//! Tiles of any ground, however rough, steep or full of voids: a set is always written, and proved.
+
+use proptest::prelude::*;
+use serde_json::Value;
+
+use crate::cli_support::{Place, json as parsed};
+use crate::tiles::plain;
+
+/// Part of a whole, by number.
+fn noise(i: usize, seed: u32) -> f64 {
+    let mixed = (i as u32 ^ seed).wrapping_mul(0x9e37_79b9);
+    f64::from((mixed ^ mixed >> 15).wrapping_mul(0x85eb_ca6b) >> 8) / 16_777_216.0
+}
+
+/// A slope with trees (or whatever is so many metres high) upon a share of its samples, and a share of voids.
+#[derive(Clone, Debug)]
+struct Rough {
+    size: [usize; 2],
+    system: &'static str,
+    at: [f64; 3],
+    relief: f64,
+    share: f64,
+    voids: f64,
+    seed: u32,
+}
+
+impl Rough {
+    fn write(&self, place: &Place) {
+        let Self { size, system, at, relief, share, voids, seed } = self.clone();
+        plain(place, size, at, |col, row| {
+            let i = row * size[0] + col;
+            let up = if noise(i, seed) < share { relief * noise(i + 3000, seed) } else { 0.0 };
+            let is_void = i > 0 && noise(i + 7000, seed) < voids;
+            if is_void {
+                -9999.0
+            } else {
+                ((200.0 + col as f64 * 0.3 + up) * 100.0).round() / 100.0
+            }
+        });
+        place.write("g.prj", system);
+    }
+}
+
+/// Makes both formats, and proves them; what was made of each level.
+fn proved(place: &Place, options: &[&str]) -> Value {
+    let both = ["-f", "quantized-mesh", "-f", "3dtiles", "--overwrite", "--json"];
+    let made = parsed(&place.ok(&[&["tiles", "g.asc", "t"], &both[..], options].concat()).out);
+    for set in ["t/quantized-mesh", "t/3dtiles"] {
+        let ran = place.run(&["verify", set, "g.asc", "--json"]);
+        assert_eq!(ran.code, 0, "{set} {options:?}: {}{}", ran.out, ran.err);
+        let told = parsed(&ran.out);
+        assert!(told["passed"] == true && told["judged"] == true, "{told}");
+    }
+    made
+}
+
+/// Systems with where a grid lies in each, and metres of their unit.
+fn system() -> impl Strategy<Value = (&'static str, [f64; 2], f64)> {
+    prop_oneof![
+        (-170.0..170.0_f64, -85.0..85.0_f64).prop_map(|(x, y)| ("EPSG:4326", [x, y], 111_000.0)),
+        Just(("EPSG:3005", [885_092.0, 629_386.0], 1.0)),
+        Just(("EPSG:32631", [499_000.3, 4_738_000.7], 1.0)),
+        Just(("EPSG:3035", [4_321_000.0, 3_210_000.0], 1.0)),
+    ]
+}
+
+fn rough() -> impl Strategy<Value = Rough> {
+    let cell = prop::sample::select(vec![0.25, 0.5, 1.0, 5.0, 30.0]);
+    let relief = prop::sample::select(vec![0.0, 3.0, 30.0, 60.0, 300.0, 5000.0]);
+    let share = prop::sample::select(vec![0.05, 0.3, 1.0]);
+    let voids = prop::sample::select(vec![0.0, 0.0, 0.1, 0.3]);
+    ((1_usize..24, 1_usize..24), system(), cell, (relief, share, voids, any::<u32>())).prop_map(
+        |((cols, rows), (system, [x, y], metres), cell, (relief, share, voids, seed))| Rough {
+            size: [cols, rows],
+            system,
+            at: [x, y, cell / metres],
+            relief,
+            share,
+            voids,
+            seed,
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(10) })]
+
+    #[test]
+    fn any_ground_is_written_and_proved(
+        rough in rough(),
+        options in prop::sample::select(vec![
+            &[][..], &["--meshopt"], &["--skirts"], &["--tile-edges", "--meshopt"], &["--beyond", "level"],
+        ]),
+    ) {
+        let place = Place::new();
+        rough.write(&place);
+        proved(&place, options);
+    }
+}
+
+/// More of the same, for once: some minutes.
+#[test]
+#[ignore = "takes minutes: four hundred sets"]
+fn four_hundred_grounds_are_written_and_proved() {
+    let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) };
+    proptest!(config, |(rough in rough())| {
+        let place = Place::new();
+        rough.write(&place);
+        proved(&place, &[]);
+    });
+}
+
+/// Grounds that were refused, or whose tiles could hold neither the height nor the slope.
+#[test]
+fn steep_grounds_are_written_at_the_default_level() {
+    let place = Place::new();
+    let albers = ("EPSG:3005", [885_092.0, 629_386.0]);
+    let utm = ("EPSG:32631", [499_000.3, 4_738_000.7]);
+    for (size, (system, [x, y]), cell, relief, share, seed) in [
+        ([12, 21], albers, 1.0, 300.0, 0.3, 727_678_236),
+        ([12, 5], albers, 0.5, 300.0, 1.0, 164_608_136),
+        ([16, 23], utm, 0.25, 300.0, 0.05, 844_508_892),
+        ([21, 9], utm, 5.0, 5000.0, 0.3, 491_263_128),
+    ] {
+        let at = [x, y, cell];
+        Rough { size, system, at, relief, share, voids: 0.0, seed }.write(&place);
+        let made = proved(&place, &[]);
+        for level in made["levels"].as_array().unwrap() {
+            let [error, allowed] = ["error", "tolerance"].map(|key| level[key].as_f64().unwrap());
+            assert!(error <= allowed, "{level}");
+        }
+    }
+}
+
+/// What a sample and its neighbours differ by is more than two bytes can place: the level says what it can hold.
+#[test]
+fn white_noise_is_written_and_levels_state_what_they_hold() {
+    let place = Place::new();
+    let at = [7.0, 46.0, 1.0 / 3600.0];
+    Rough {
+        size: [129, 97],
+        system: "EPSG:4326",
+        at,
+        relief: 10_000.0,
+        share: 1.0,
+        voids: 0.01,
+        seed: 5,
+    }
+    .write(&place);
+    let made = proved(&place, &[]);
+    let levels = made["levels"].as_array().unwrap();
+    let is_wider = |level: &&Value| {
+        let assumed = 77_067.34 / 2_f64.powi(level["level"].as_i64().unwrap() as i32);
+        level["tolerance"].as_f64().unwrap() > assumed
+    };
+    assert!(levels.iter().any(|level| is_wider(&level)), "{made}");
+    // Twice as fine is enough to tell all of them apart.
+    assert!(levels.iter().filter(|l| l["level"] == 14).all(|level| !is_wider(&level)), "{made}");
+}
+
+/// The highest returns of synthetic clouds, in cells of half a metre.
+fn surfaces(count: usize) {
+    for number in 0..count {
+        let place = Place::new();
+        let cloud = format!("cloud,size={},density=6,seed={}", 8 + number % 13, number + 1);
+        place.ok(&["synth", &cloud, "c.laz", "-q"]);
+        let cell = ["0.25", "0.5", "1"][number % 3];
+        place.ok(&["grid", "c.laz", "g.tif", "--stat", "max", "--cell", cell, "-q"]);
+        let format = ["quantized-mesh", "3dtiles"][number / 3 % 2];
+        place.ok(&["tiles", "g.tif", "t", "-f", format, "-q"]);
+        let ran = place.run(&["verify", "t", "g.tif"]);
+        assert_eq!(ran.code, 0, "{cloud}, {cell} m: {}{}", ran.out, ran.err);
+    }
+}
+
+#[test]
+fn surface_models_are_written_and_proved() {
+    surfaces(12);
+}
+
+#[test]
+#[ignore = "takes minutes: two hundred surface models"]
+fn two_hundred_surface_models_are_written_and_proved() {
+    surfaces(200);
+}
+
+/// Every name of a file is refused, of whatever format.
+#[test]
+fn a_set_is_no_file() {
+    let place = Place::new();
+    plain(&place, [4, 4], [7.0, 46.0, 0.001], |col, row| (col + row) as f64);
+    for name in ["t.pmtiles", "t.mbtiles", "T.TIF", "t.ply", "t.geojson", "t.laz", "t.terrain"] {
+        place.fails(&["tiles", "g.asc", name], 2, &[name, "folder"]);
+    }
+    place.ok(&["tiles", "g.asc", "v1.5", "-q"]);
+}
