@@ -92,8 +92,8 @@ pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tiles::{Beyond as TilesBeyond, Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::translate::{
-    Above, Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, Sort, Split, Squares,
-    Thin, TranslateReport,
+    Above, Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, Reclassify, Sort, Split,
+    Squares, Thin, TranslateReport,
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, FileAt, Progress};

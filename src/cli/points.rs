@@ -70,8 +70,9 @@ pub(super) struct Wanted {
     /// HeightAboveGround of their extra bytes, or with =z as their z
     #[arg(long, value_name = "AS", num_args = 0..=1, require_equals = true, default_missing_value = "dimension", value_parser = ["dimension", "z"], help_heading = "Ground")]
     height_above_ground: Option<String>,
-    /// Give points classes: noise[:METHOD] (7 for those that a method finds to be noise), ground (2 for those found to
-    /// be ground, 1 for others that were), or height:CLASS=FROM,... (those of no class, by their height above the
+    /// Give points classes: noise[:METHOD] (7 for those that a method finds to be noise), ground (2 for those of
+    /// classes 0 to 5 found to be ground, 1 for others that were; more classes take part with
+    /// ground:reclassify=CLASS,...), or height:CLASS=FROM,... (those of no class, by their height above the
     /// ground); each may be given
     #[arg(long, value_name = "HOW", long_help = classify_help(), help_heading = "Ground")]
     classify: Vec<Classify>,
@@ -219,7 +220,8 @@ fn classify_help() -> String {
         "Give points classes, noise first, then one way after the other:\n\
          noise   7, or another class, to those that a method finds to be noise, which is no ground: \
          noise:METHOD:PARAMETER=VALUE,... [default: {}]\n\
-         ground  2 to those found to be ground, and 1 to others of class 2; never to noise (7 and 18)\n\
+         ground  2 to those found to be ground, and 1 to others of class 2, of classes 0 to 5 and those of \
+         ground:reclassify=CLASS,...; others keep theirs\n\
          height  by the height above the ground, to those of no class (0 or 1): height:CLASS=FROM,... \
          [default: {}]",
         Classify::Noise(noise::Asked::BEST),

@@ -214,7 +214,7 @@ fn noise_is_no_ground_whatever_comes_first() {
         Above { from: "smrf".parse::<GroundFrom>().unwrap(), ..asked(&["noise", "ground"]) };
     let some = TranslateJob { cloud, above, ..job(&[&input], &output) };
     let notes = run(&some).unwrap().notes;
-    assert!(notes.iter().any(|note| note.contains("40000 of 40000 last returns")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.contains("40000 of 40000 points")), "{notes:?}");
 }
 
 #[test]

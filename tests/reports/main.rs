@@ -11,6 +11,7 @@ mod cloud_support;
 mod raster_support;
 
 mod cells;
+mod ground;
 mod lidar;
 mod lines;
 mod prints;

@@ -1,16 +1,18 @@
-//! The ground without parameters: a cloth and a triangulation that check each other, and one more
-//! triangulation of what both of them hold for ground.
+//! The ground without parameters: a cloth and a triangulation that check each other, ground that goes on
+//! from what both of them hold for ground, and one more triangulation of it all.
 //!
 //! A cloth (Zhang and others 2016) follows ground of all forms but lies down on roofs that are larger
 //! than it can span, and cuts off ridges; a triangulation made denser from the lowest points of large
 //! squares on (Axelsson 2000) knows roofs by their walls but lets plants in where its limits are wide.
 //! So a cell's lowest point is a seed when it touches the cloth and the triangulation does not lie far
-//! below it, and from these seeds on a triangulation with narrow limits is made denser: it climbs the
-//! ridges, along slopes of any steepness, since distances count from the planes of triangles. Points
-//! near its surface are ground, the further off the steeper it is.
+//! below it. From these seeds on ground goes on from cell to cell along planes of any steepness
+//! ([`grown`]), up ridges and to the edges of cliffs, and a triangulation with narrow limits is made denser
+//! between. Points near its surface are ground: on level ground only those that ranging moved, as low plants
+//! are hardly further off.
 
 use crate::csf::{Cloth, settled};
 use crate::densify::{Cells, Limits, WIDEST, densified};
+use crate::grow::grown;
 use crate::lows::Lows;
 use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
@@ -30,20 +32,24 @@ const BLOCK: f64 = 3.0;
 /// How near the cloth a seed lies, and how far at most above the first triangulation, in metres.
 const NEAR: f64 = 0.3;
 const ABOVE: f64 = 2.0;
-/// When points are taken into the first triangulation, and into the second: sines of 30 and 12 degrees.
-const WIDE: Limits = Limits { sine: 0.5, distance: 2.0, spacing: 0.0 };
-const NARROW: Limits = Limits { sine: 0.207_911_690_817_759_33, distance: 1.0, spacing: 0.25 };
-/// How far from the surface ground may lie, in metres, and how much further for each metre that it rises
-/// from a cell to the next.
-const TOLERANCE: f64 = 0.3;
-const SCALING: f64 = 0.3;
+/// When points are taken into the first triangulation, and into the second: sines of 45 and 15 degrees.
+const WIDE: Limits = Limits { sine: std::f64::consts::FRAC_1_SQRT_2, distance: 2.0, spacing: 0.0 };
+const NARROW: Limits = Limits { sine: 0.258_819_045_102_520_74, distance: 1.0, spacing: 0.25 };
+/// How far from the surface ground may lie, in metres: on level ground, and at most. Between, it grows with the cube
+/// of the slope, as heights between the centres of cells miss walls and edges, but hardly slopes.
+const TOLERANCE: f64 = 0.12;
+const MOST: f64 = 10.0;
 const CLOTH: Cloth = Cloth { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
 
 fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
     let (cells, step) = (Cells::of(lows), lows.step[2]);
-    let seeds = checked(lows, &cells);
+    let seeds = grown(lows, &checked(lows, &cells));
     let heights = densified(&cells, &seeds, &NARROW).into_iter().map(|z| z / step).collect();
-    Ground::new(lows.width, heights, |rise| TOLERANCE / step + SCALING * rise)
+    let tolerance = |rise: f64| {
+        let slope = rise * step / lows.cell;
+        (TOLERANCE + lows.cell * slope.powi(3)).min(MOST)
+    };
+    Ground::new(lows.width, heights, |rise| tolerance(rise) / step)
 }
 
 /// The cells whose lowest points touch the cloth and lie not far above the first triangulation.

@@ -46,3 +46,56 @@ pub(crate) fn widened(heights: &[f64], width: usize) -> Vec<f64> {
     let value = |(col, row)| heights.get(clamp(row, rows) * width + clamp(col, width));
     cells.map(|cell| value(cell).copied().unwrap_or(f64::NAN)).collect()
 }
+
+/// At each cell, the best of the square of `side` cells that begins there and goes on to higher
+/// columns and rows; what lies beyond the end takes no part.
+pub(crate) fn slid<T: Copy>(
+    mut from: Vec<T>,
+    width: usize,
+    side: usize,
+    better: impl Fn(T, T) -> T + Copy,
+) -> Vec<T> {
+    let mut to = from.clone();
+    for shift in shifts(side) {
+        for (line, to) in from.chunks_exact(width).zip(to.chunks_exact_mut(width)) {
+            join(line, to, shift, better);
+        }
+        std::mem::swap(&mut from, &mut to);
+    }
+    for shift in shifts(side) {
+        join(&from, &mut to, shift * width, better);
+        std::mem::swap(&mut from, &mut to);
+    }
+    from
+}
+
+/// Makes of each value the better of itself and the one `shift` after it.
+fn join<T: Copy>(from: &[T], to: &mut [T], shift: usize, better: impl Fn(T, T) -> T) {
+    let pairs = from.len().saturating_sub(shift);
+    let after = &from[from.len() - pairs..];
+    for ((to, a), b) in to.iter_mut().zip(from).zip(after) {
+        *to = better(*a, *b);
+    }
+    to[pairs..].copy_from_slice(&from[pairs..]);
+}
+
+/// By how much windows are put together to make one of `side`: doubled as long as they are smaller,
+/// and then two that overlap.
+pub(crate) fn shifts(side: usize) -> impl Iterator<Item = usize> {
+    let doubled = std::iter::successors(Some(1), |span| Some(span * 2));
+    let doubled = doubled.take_while(move |span| span * 2 <= side);
+    let covered = 1 << side.ilog2();
+    doubled.chain((covered < side).then_some(side - covered))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shifts_make_a_square() {
+        for side in 1..40 {
+            assert_eq!(1 + shifts(side).sum::<usize>(), side);
+        }
+    }
+}

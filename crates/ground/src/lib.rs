@@ -1,7 +1,8 @@
 //! Which points of a cloud are ground: methods by name, from the lowest points of cells; and which are [`noise`]. Pure.
 //!
 //! A method ([`METHODS`], [`Asked`]) gets the lowest point of each cell of a window ([`Lows`]) and gives
-//! a surface with a tolerance ([`Ground`]): points that lie near it are ground. Methods whose cells depend
+//! a surface with a tolerance ([`Ground`]): points that lie near it are ground. Points far below all around
+//! them are left out before. Methods whose cells depend
 //! on others however far away are defined on squares of a fixed size, each with a halo ([`Lattice`]), so
 //! that the ground of a cloud is a function of the cloud alone.
 
@@ -12,9 +13,13 @@ mod densify;
 pub mod filter;
 mod frame;
 mod grid;
+mod grow;
+#[cfg(test)]
+mod landscapes;
 mod lows;
 mod method;
 pub mod noise;
+mod outliers;
 mod ptd;
 #[cfg(test)]
 mod scenes;

@@ -3,7 +3,7 @@
 use super::asked::{self, Finder};
 use super::lows::Lows;
 use super::surface::Ground;
-use super::{adaptive, csf, filter, ptd, smrf};
+use super::{adaptive, csf, filter, outliers, ptd, smrf};
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] =
@@ -62,12 +62,16 @@ impl Asked {
 
     /// How the plane is divided, points being `spacing` metres apart.
     pub fn lattice(&self, spacing: f64) -> Lattice {
-        (self.finder().lattice)(self, spacing)
+        let lattice = (self.finder().lattice)(self, spacing);
+        let reach = if lattice.core.is_none() { outliers::REACH } else { 0 };
+        Lattice { halo: lattice.halo + reach, ..lattice }
     }
 
-    /// The ground under the cells of a window, or of a square with its halo.
+    /// The ground under the cells of a window, or of a square with its halo. Low outliers are no ground, and left out
+    /// before the method begins.
     pub fn find(&self, lows: &Lows<'_>) -> Ground {
-        (self.finder().find)(self, lows)
+        let points = outliers::without_outliers(lows);
+        (self.finder().find)(self, &Lows { points: &points, ..*lows })
     }
 }
 

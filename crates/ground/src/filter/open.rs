@@ -1,6 +1,7 @@
 //! Objects on the ground, told by morphological openings with ever larger windows.
 
 use super::{EMPTY, Parameters, fill, widened};
+use crate::grid::slid;
 
 /// What dilation takes for a cell that no window with any height starts at.
 const NOTHING: i32 = i32::MIN;
@@ -71,47 +72,6 @@ impl Frame {
         opened.reverse();
         opened
     }
-}
-
-/// At each cell, the best of the square of `side` cells that begins there and goes on to higher
-/// columns and rows; what lies beyond the end takes no part.
-fn slid(
-    mut from: Vec<i32>,
-    width: usize,
-    side: usize,
-    better: impl Fn(i32, i32) -> i32 + Copy,
-) -> Vec<i32> {
-    let mut to = vec![0; from.len()];
-    for shift in shifts(side) {
-        for (line, to) in from.chunks_exact(width).zip(to.chunks_exact_mut(width)) {
-            join(line, to, shift, better);
-        }
-        std::mem::swap(&mut from, &mut to);
-    }
-    for shift in shifts(side) {
-        join(&from, &mut to, shift * width, better);
-        std::mem::swap(&mut from, &mut to);
-    }
-    from
-}
-
-/// Makes of each value the better of itself and the one `shift` after it.
-fn join(from: &[i32], to: &mut [i32], shift: usize, better: impl Fn(i32, i32) -> i32) {
-    let pairs = from.len().saturating_sub(shift);
-    let after = &from[from.len() - pairs..];
-    for ((to, a), b) in to.iter_mut().zip(from).zip(after) {
-        *to = better(*a, *b);
-    }
-    to[pairs..].copy_from_slice(&from[pairs..]);
-}
-
-/// By how much windows are put together to make one of `side`: doubled as long as they are smaller,
-/// and then two that overlap.
-fn shifts(side: usize) -> impl Iterator<Item = usize> {
-    let doubled = std::iter::successors(Some(1), |span| Some(span * 2));
-    let doubled = doubled.take_while(move |span| span * 2 <= side);
-    let covered = 1 << side.ilog2();
-    doubled.chain((covered < side).then_some(side - covered))
 }
 
 #[cfg(test)]
@@ -204,8 +164,5 @@ mod tests {
     fn windows_grow_to_the_largest() {
         assert_eq!(radii(18).collect::<Vec<_>>(), [1, 2, 3, 4, 6, 8, 11, 14, 18]);
         assert_eq!(radii(1).collect::<Vec<_>>(), [1]);
-        for side in 1..40 {
-            assert_eq!(1 + shifts(side).sum::<usize>(), side);
-        }
     }
 }

@@ -58,6 +58,12 @@ impl Summary {
         }
     }
 
+    /// Of both.
+    pub(crate) fn merged(mut self, other: Self) -> Self {
+        self.merge(&other);
+        self
+    }
+
     fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.window = self.window.union(&other.window);

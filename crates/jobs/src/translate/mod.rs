@@ -40,7 +40,7 @@ use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Packer, Records};
 use crate::transform::{Transform, Transformed};
 use crate::{Cancel, Progress, Resources};
-pub use above::{Above, Classify, HeightsAs, Layers};
+pub use above::{Above, Classify, HeightsAs, Layers, Reclassify};
 use above::{Looking, Told};
 pub use assign::Assign;
 use assign::{Assigned, Assigning};

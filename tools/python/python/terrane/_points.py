@@ -98,7 +98,7 @@ def points(
     heights
         How high points are above the ground: "dimension" (HeightAboveGround of their extra bytes), or as their "z".
     classify, ground
-        What gives classes ("noise", "noise:statistical:k=12", "ground", "height:3=0.5,4=2,5=5"), and which points are
+        What gives classes ("noise", "noise:statistical:k=12", "ground", "ground:reclassify=9,17", "height:3=0.5,4=2,5=5"), and which points are
         ground ("class", "csf", "auto" ...).
     tile, buffer, buffer_mark
         The side of squares; points around each up to so far away, too, marked as "withheld" or "synthetic".

@@ -8,7 +8,7 @@
 use std::collections::BTreeSet;
 
 use super::metres::Metres;
-use crate::points::PointStore;
+use crate::points::{PointStore, Summary, Tiling};
 use crate::{Cancel, Progress, workers};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
@@ -24,7 +24,9 @@ const SIDES: [i64; 2] = [64, 1024];
 
 /// A method over the points that may be ground.
 pub(crate) struct Filter<'a> {
-    candidates: &'a PointStore,
+    /// Points that the ground is looked for among, and others that may lie on it.
+    candidates: Vec<&'a PointStore>,
+    others: Option<&'a PointStore>,
     method: Asked,
     lattice: Lattice,
     /// Metres to a step.
@@ -85,18 +87,18 @@ impl Cells {
 impl<'a> Filter<'a> {
     /// For tiles that take about `memory` bytes each; of all points there are.
     pub(crate) fn new(
-        candidates: &'a PointStore,
+        candidates: Vec<&'a PointStore>,
         metres: &Metres,
         method: Asked,
         memory: u64,
     ) -> Self {
-        let lattice = method.lattice(spacing(candidates, metres));
+        let lattice = method.lattice(spacing(&candidates, metres));
         Self::on(lattice, candidates, metres, method, memory)
     }
 
     fn on(
         lattice: Lattice,
-        candidates: &'a PointStore,
+        candidates: Vec<&'a PointStore>,
         metres: &Metres,
         method: Asked,
         memory: u64,
@@ -106,7 +108,8 @@ impl<'a> Filter<'a> {
         let whole = (memory / BYTES_PER_CELL).isqrt() as i64;
         let any = (whole - 2 * lattice.halo as i64).clamp(SIDES[0], SIDES[1]);
         let side = lattice.core.map_or(any, |core| core as i64);
-        Self { candidates, method, lattice, step, cell, side, memory, within: None }
+        let (others, within) = (None, None);
+        Self { candidates, others, method, lattice, step, cell, side, memory, within }
     }
 
     /// For the ground in a `window` of a cloud whose points are `spacing` metres apart, which has all candidates
@@ -114,13 +117,24 @@ impl<'a> Filter<'a> {
     pub(crate) fn within(
         window: Window,
         spacing: f64,
-        candidates: &'a PointStore,
+        candidates: Vec<&'a PointStore>,
         metres: &Metres,
         method: Asked,
         memory: u64,
     ) -> Self {
         let of = Self::on(method.lattice(spacing), candidates, metres, method, memory);
         Self { within: Some(window), ..of }
+    }
+
+    /// With other points on the ground that is found; nothing changes where they are candidates.
+    pub(crate) fn and(self, others: &'a PointStore) -> Self {
+        let is_new = self.candidates.iter().all(|store| !std::ptr::eq(*store, others));
+        Self { others: is_new.then_some(others), ..self }
+    }
+
+    /// How the plane is divided for all its points.
+    fn tiling(&self) -> &'a Tiling {
+        self.candidates[0].tiling()
     }
 
     /// Whether ground is looked for where a point is.
@@ -166,7 +180,7 @@ impl<'a> Filter<'a> {
 
     /// The cells that the cloud touches: beyond, all are empty.
     fn all(&self) -> Cells {
-        let Window { low, high } = self.candidates.tiling().window();
+        let Window { low, high } = self.tiling().window();
         let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
         Cells { low: cell(low), end: cell(high).map(|last| last + 1) }
     }
@@ -174,9 +188,9 @@ impl<'a> Filter<'a> {
     /// The tiles with points: there may be few of many, where points are far apart.
     fn tiles(&self) -> Result<Vec<[i64; 2]>> {
         let mut tiles = BTreeSet::new();
-        for square in 0..self.candidates.tiling().count() {
+        for square in 0..self.tiling().count() {
             let mut last = None;
-            self.candidates.visit(square, |run| {
+            visit(&self.candidates, square, |run| {
                 for point in run.iter().filter(|point| self.is_wanted(point)) {
                     let tile = self.locate(point).0.map(|cell| cell.div_euclid(self.side));
                     if last.replace(tile) != Some(tile) {
@@ -196,7 +210,7 @@ impl<'a> Filter<'a> {
 
     /// The squares that cells touch.
     fn squares(&self, cells: &Cells) -> impl Iterator<Item = usize> + use<> {
-        self.candidates.tiling().touching(cells.window(self.cell))
+        self.tiling().touching(cells.window(self.cell))
     }
 
     /// Adds the ground points of a tile.
@@ -211,9 +225,10 @@ impl<'a> Filter<'a> {
             step: self.step,
         });
         let mut kept = Vec::new();
+        let all: Vec<_> = self.candidates.iter().copied().chain(self.others).collect();
         for square in self.squares(&core) {
             kept.clear();
-            self.candidates.visit(square, |run| {
+            visit(&all, square, |run| {
                 let is_ground =
                     |p: &&Point| self.is_wanted(p) && self.is_ground(p, &core, &wide, &found);
                 kept.extend(run.iter().filter(is_ground));
@@ -228,7 +243,7 @@ impl<'a> Filter<'a> {
         let key = |p: &Point| (p.z, p.x, p.y);
         let (mut lows, width) = (vec![NO_POINT; cells.count()], cells.width());
         for square in self.squares(cells) {
-            self.candidates.visit(square, |run| {
+            visit(&self.candidates, square, |run| {
                 for point in run {
                     if let Some([col, row]) = cells.place(self.locate(point).0) {
                         let low = &mut lows[row * width + col];
@@ -246,6 +261,11 @@ impl<'a> Filter<'a> {
         core.place(cell).is_some()
             && wide.place(cell).is_some_and(|[col, row]| found.is_ground(col, row, place, point.z))
     }
+}
+
+/// Reads the points of a square of some stores.
+fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
+    stores.iter().try_for_each(|store| store.visit(square, &mut each))
 }
 
 /// Steps along a cell, in x and y.
@@ -277,20 +297,22 @@ fn bytes_of(lattice: Lattice, extent: [f64; 2]) -> u64 {
     cells.map(|cells| cells.min(most)).iter().product::<u64>() * BYTES_FIXED
 }
 
-/// How far points are apart, about, in metres: by the squares that hold any.
-pub(super) fn spacing(store: &PointStore, metres: &Metres) -> f64 {
-    let squares = (0..store.tiling().count()).filter_map(|square| store.summary(square));
-    let (count, steps) = squares.fold((0, 0.0), |(count, steps), one| {
+/// How far points of all stores are apart, about, in metres: by the squares that hold any.
+pub(super) fn spacing(stores: &[&PointStore], metres: &Metres) -> f64 {
+    let (mut count, mut steps) = (0, 0.0);
+    for square in 0..stores[0].tiling().count() {
+        let all = stores.iter().filter_map(|store| store.summary(square));
+        let Some(one) = all.reduce(Summary::merged) else { continue };
         let side = |i: usize| f64::from(one.window.high[i].abs_diff(one.window.low[i]));
-        (count + one.count, steps + side(0) * side(1))
-    });
+        count += one.count;
+        steps += side(0) * side(1);
+    }
     (steps * metres.step[0] * metres.step[1] / (count.max(1) as f64)).sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::points::Tiling;
     use crate::{Resources, Silent};
 
     /// A slope with houses and holes, in centimetres: where a halo that is too small shows.
@@ -315,7 +337,7 @@ mod tests {
         let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
         let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
         let metres = Metres { step: [0.01; 3], is_guess: false };
-        let filter = Filter::new(candidates, &metres, method, memory);
+        let filter = Filter::new(vec![candidates], &metres, method, memory);
         assert!(memory > 0 || method != Asked::FILTER || filter.tiles().unwrap().len() > 8);
         filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
         let (mut all, mut points) = (Vec::new(), Vec::new());
@@ -356,7 +378,7 @@ mod tests {
     fn spacing_is_that_of_the_places_with_points() {
         let folder = tempfile::tempdir().unwrap();
         let metres = Metres { step: [0.01; 3], is_guess: false };
-        let found = spacing(&store(folder.path()), &metres);
+        let found = spacing(&[&store(folder.path())], &metres);
         assert!((0.6..0.8).contains(&found), "{found}");
     }
 }

@@ -138,13 +138,13 @@ impl TryFrom<String> for GroundFrom {
     }
 }
 
-/// A line that tells what a method found.
-pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64) -> String {
+/// A line that tells what a method found, and among how many of which points.
+pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64, points: &str) -> String {
     let by = match method.name() {
         "filter" => "the ground filter".to_owned(),
         name => format!("the method {name}"),
     };
-    format!("ground: {found} of {all} last returns, found by {by}")
+    format!("ground: {found} of {all} {points}, found by {by}")
 }
 
 /// The class of ground points, unless others are named.
@@ -290,7 +290,11 @@ impl Model {
         let method = making.job.ground.method();
         let part = making.ground_window().zip(making.part.map(|(_, seen)| seen.last));
         let wide = part.map(|(window, spacing)| around(&method, &metres, spacing, window));
-        let candidates = making.read(no_noise(), Some(Return::Last), wide)?;
+        let mut candidates = making.read(no_noise(), Some(Return::Last), wide)?;
+        let all_returns = making.all_returns(&candidates)?;
+        if all_returns {
+            candidates = making.read(no_noise(), None, wide)?;
+        }
         self.take_note(&candidates);
         let square = square_bytes(&method, metres.extent(cloud.bounds));
         // The store of the surface is filled later.
@@ -304,14 +308,15 @@ impl Model {
         let tile = share / making.threads as u64;
         let store = making.store(candidates.tiling());
         let filter = match part {
-            None => Filter::new(&candidates, &metres, method, tile),
+            None => Filter::new(vec![&candidates], &metres, method, tile),
             Some((window, spacing)) => {
-                Filter::within(window, spacing, &candidates, &metres, method, tile)
+                Filter::within(window, spacing, vec![&candidates], &metres, method, tile)
             }
         };
         filter.run(&store, making.threads, making.progress, making.cancel)?;
         let (found, all) = (store.count(), candidates.count());
-        self.notes.push(found_by(&method, found, all));
+        let points = if all_returns { "points" } else { "last returns" };
+        self.notes.push(found_by(&method, found, all, points));
         self.spilled += candidates.spilled();
         if found > 0 || part.is_some() {
             let store = making.limited(store, making.ground_window(), &[])?;
@@ -540,7 +545,7 @@ impl Making<'_> {
             Some((_, seen)) => Ok(seen.first),
             None => {
                 let first = self.outlined(no_noise(), Some(Return::First), &|_| ())?;
-                Ok(filter::spacing(&first, metres))
+                Ok(filter::spacing(&[&first], metres))
             }
         }
     }

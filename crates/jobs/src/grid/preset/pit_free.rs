@@ -69,7 +69,7 @@ impl Layers {
         making: &Making<'_>,
     ) -> Result<Self> {
         let known = making.part.map(|(_, seen)| seen.first);
-        let pits = PitFree::metres(known.unwrap_or_else(|| spacing(&first, metres)));
+        let pits = PitFree::metres(known.unwrap_or_else(|| spacing(&[&first], metres)));
         let count = ground.map_or(0, |_| pits.layers() - 1);
         let memory = making.store_memory() / pits.layers() as u64;
         let tiling = *first.tiling();

@@ -25,6 +25,9 @@ pub(crate) struct Seen {
     pub(crate) by_class: bool,
     /// Metres between last returns, where a method finds the ground.
     pub(crate) last: f64,
+    /// True where it looks among all returns, as their numbers tell nothing.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) all_returns: bool,
     /// Metres between first returns, for the surface.
     pub(crate) first: f64,
     /// Steps along the longest edge in a crown, or to the end of what a square of the surface sees.
@@ -70,17 +73,21 @@ impl Seen {
         if self.by_class {
             return Ok(());
         }
-        let last = making.outlined(no_noise(), Some(Return::Last), &|_| ())?;
+        let mut last = making.outlined(no_noise(), Some(Return::Last), &|_| ())?;
+        self.all_returns = making.all_returns(&last)?;
+        if self.all_returns {
+            last = making.outlined(no_noise(), None, &|_| ())?;
+        }
         if last.count() == 0 && preset != Preset::Dsm {
             return Err(no_ground());
         }
-        self.look_at_last(&last, cloud, making.job.ground)
+        self.look_at_candidates(&[&last], cloud, making.job.ground)
     }
 
     fn look_at_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
         let metres = Metres::of(&cloud.crs, &cloud.frame)?;
         let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
-        self.first = spacing(&first, &metres);
+        self.first = spacing(&[&first], &metres);
         let Way::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
             self.reach = reach(self.first, &metres);
             self.surface = places(&first.hull()?);
@@ -116,14 +123,14 @@ impl Seen {
         Ok(())
     }
 
-    /// Of last returns, where a method finds the ground among them.
-    pub(crate) fn look_at_last(
+    /// Of the points that a method finds the ground among.
+    pub(crate) fn look_at_candidates(
         &mut self,
-        last: &PointStore,
+        candidates: &[&PointStore],
         cloud: &CloudInfo,
         ground: GroundFrom,
     ) -> Result<()> {
-        self.last = spacing(last, &Metres::of(&cloud.crs, &cloud.frame)?);
+        self.last = spacing(candidates, &Metres::of(&cloud.crs, &cloud.frame)?);
         self.notes.push(format!("ground: found by {}", ground.method().name()));
         Ok(())
     }
@@ -136,6 +143,27 @@ impl Seen {
     /// What surrounds the returns of the surface.
     pub(super) fn around_surface(&self) -> Vec<Point> {
         points(&self.surface)
+    }
+}
+
+impl Making<'_> {
+    /// Whether the ground has to be looked for among all returns, as the numbers of returns do not tell which is the
+    /// last: where some points are no last returns, and none is a second one. The last returns were read before.
+    pub(super) fn all_returns(&self, last: &PointStore) -> Result<bool> {
+        if let Some((_, seen)) = &self.part {
+            return Ok(seen.all_returns);
+        }
+        if last.census().filtered == 0 {
+            return Ok(false);
+        }
+        let second = self.source(no_noise(), Some(Return::Number(2)))?;
+        for part in 0..second.parts() {
+            if second.read(part, &mut |_| Ok(()))?.kept > 0 {
+                return Ok(false);
+            }
+            self.cancel.check()?;
+        }
+        Ok(true)
     }
 }
 

@@ -1,14 +1,16 @@
 //! The ground of a cloud, and what it tells of each point.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 
 use super::told::{Told, Values, Z};
 use super::{Above, Classify, HeightsAs, NO_HEIGHT, is_known_noise, is_there};
 use crate::grid::preset::{
-    Filter, Metres, Seen, found_by, more_is_needed, no_ground, no_ground_of_class,
+    Filter, Metres, NOISE, Seen, found_by, more_is_needed, no_ground, no_ground_of_class,
 };
 use crate::grid::{GROUND, GroundFrom, Surfaces, tiling};
 use crate::plan::At;
@@ -28,8 +30,8 @@ use terrane_files::{Buckets, lock};
 const TOGETHER: usize = 1 << 15;
 /// Part of the memory that each thread's tile of the ground filter may take.
 const TILE_SHARE: u64 = 8;
-/// Parts that the memory is divided into: places, candidates and ground.
-const PARTS: u64 = 3;
+/// Parts that the memory is divided into: places, last and other returns, and ground.
+const PARTS: u64 = 4;
 /// Strips of a square that points are looked at in.
 const STRIPS: i32 = 32;
 /// The class of points that have none yet, and of those that were looked at, too.
@@ -57,13 +59,89 @@ pub(in crate::translate) struct Looking<'a> {
     pub(in crate::translate) at: At<'a>,
 }
 
-/// Which points are put into a store.
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
+/// Points that may be ground: of any class that may change, and no noise.
+struct Candidates {
+    last: PointStore,
+    others: PointStore,
+    /// Whether any point is a later return than the first: where none is, numbers of returns tell nothing.
+    is_numbered: AtomicBool,
+}
+
+impl Candidates {
+    /// Those that the ground is looked for among.
+    fn looked_at(&self, all_returns: bool) -> Vec<&PointStore> {
+        if all_returns { vec![&self.last, &self.others] } else { vec![&self.last] }
+    }
+
+    fn count(&self) -> u64 {
+        self.last.count() + self.others.count()
+    }
+}
+
+/// Where points go that tell of the ground.
+enum Gathering<'a> {
+    Nowhere,
     /// Those of the class of ground.
-    Class,
-    /// Last returns that are no noise.
-    Candidates,
+    Class(Run<'a>),
+    /// Last returns and others that may be ground, and whether numbers of returns tell.
+    Candidates([Run<'a>; 2], &'a AtomicBool),
+}
+
+/// Points on their way into a store.
+struct Run<'a> {
+    store: &'a PointStore,
+    points: Vec<Point>,
+}
+
+impl<'a> Run<'a> {
+    fn new(store: &'a PointStore) -> Self {
+        Self { store, points: Vec::new() }
+    }
+
+    fn push(&mut self, point: Point) -> Result<()> {
+        self.points.push(point);
+        if self.points.len() == TOGETHER { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.store.add(&self.points)?;
+        self.points.clear();
+        Ok(())
+    }
+}
+
+impl<'a> Gathering<'a> {
+    fn of_class(store: &'a PointStore) -> Self {
+        Self::Class(Run::new(store))
+    }
+
+    fn of_candidates(into: &'a Candidates) -> Self {
+        Self::Candidates([&into.last, &into.others].map(Run::new), &into.is_numbered)
+    }
+
+    fn take(&mut self, looking: &Looking<'_>, record: &[u8], point: Point) -> Result<()> {
+        match self {
+            Self::Class(run) => {
+                let is_ground = looking.format.class(record) == GROUND && looking.is_there(record);
+                if is_ground { run.push(point) } else { Ok(()) }
+            }
+            Self::Candidates([last, others], is_numbered) if looking.may_be_ground(record) => {
+                let [number, returns] = looking.format.returns(record);
+                is_numbered.fetch_or(number > 1, Ordering::Relaxed);
+                let is_last = Return::Last.is(number, returns);
+                if is_last { last.push(point) } else { others.push(point) }
+            }
+            Self::Nowhere | Self::Candidates(..) => Ok(()),
+        }
+    }
+
+    fn finish(self) -> Result<()> {
+        match self {
+            Self::Nowhere => Ok(()),
+            Self::Class(mut run) => run.flush(),
+            Self::Candidates(mut runs, _) => runs.iter_mut().try_for_each(Run::flush),
+        }
+    }
 }
 
 /// A point that is to be told of.
@@ -72,24 +150,31 @@ enum Kind {
 struct Entry {
     place: [i32; 3],
     class: u8,
-    is_candidate: u8,
+    may_be_ground: u8,
     spare: [u8; 2],
     /// Of the record.
     number: u64,
 }
 
 /// What became of points.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Default)]
 struct Counts {
-    ground: u64,
+    /// Points found to be ground, by the class that they had.
+    ground: BTreeMap<u8, u64>,
     no_longer: u64,
+    /// Points that were no candidates for their class, by class.
+    kept: BTreeMap<u8, u64>,
     layered: u64,
     without: u64,
 }
 
 impl Counts {
     fn add(&mut self, other: &Self) {
-        self.ground += other.ground;
+        let add = |sums: &mut BTreeMap<u8, u64>, more: &BTreeMap<u8, u64>| {
+            more.iter().for_each(|(class, count)| *sums.entry(*class).or_default() += count);
+        };
+        add(&mut self.ground, &other.ground);
+        add(&mut self.kept, &other.kept);
         self.no_longer += other.no_longer;
         self.layered += other.layered;
         self.without += other.without;
@@ -146,19 +231,21 @@ impl Looking<'_> {
         let mut seen = Seen::default();
         if self.above.takes_classes() {
             let ground = self.store().outline();
-            self.pass(records, None, Some((Kind::Class, &ground)))?;
+            self.pass(records, None, Gathering::of_class(&ground))?;
             seen.look_at_classes(&ground, &[GROUND])?;
             if !seen.by_class && self.above.from == GroundFrom::Class {
                 return Err(not_of_class());
             }
         }
         if !seen.by_class {
-            let last = self.store().outline();
-            self.pass(records, None, Some((Kind::Candidates, &last)))?;
-            if last.count() == 0 {
-                return Err(no_ground());
+            let all = self.candidates(|| self.store().outline());
+            self.pass(records, None, Gathering::of_candidates(&all))?;
+            seen.all_returns = !all.is_numbered.load(Ordering::Relaxed);
+            let looked_at = all.looked_at(seen.all_returns);
+            if looked_at.iter().all(|store| store.count() == 0) {
+                return Err(self.no_candidates());
             }
-            seen.look_at_last(&last, self.info, self.above.from)?;
+            seen.look_at_candidates(&looked_at, self.info, self.above.from)?;
         }
         Ok(seen)
     }
@@ -172,28 +259,35 @@ impl Looking<'_> {
         let tiling = tiling(self.info);
         let entries = Buckets::new(self.folder, tiling.count(), self.memory / PARTS);
         let by_class = self.seen().map_or(self.above.takes_classes(), |seen| seen.by_class);
-        let kind = if by_class { Kind::Class } else { Kind::Candidates };
-        let mut store = self.store();
+        let (class, candidates) = (self.store(), self.candidates(|| self.store()));
+        let gathering = match by_class {
+            true => Gathering::of_class(&class),
+            false => Gathering::of_candidates(&candidates),
+        };
         let (firsts, count) = match wide {
-            None => self.pass(records, Some(&entries), Some((kind, &store)))?,
+            None => self.pass(records, Some(&entries), gathering)?,
             Some(wide) => {
-                self.pass(wide, None, Some((kind, &store)))?;
-                self.pass(records, Some(&entries), None)?
+                self.pass(wide, None, gathering)?;
+                self.pass(records, Some(&entries), Gathering::Nowhere)?
             }
         };
         let mut notes = Vec::new();
-        if kind == Kind::Class && (store.count() > 0 || self.portion.is_some()) {
-            notes.push(format!("ground: {} points of class {GROUND}", store.count()));
+        let store = if by_class && (class.count() > 0 || self.portion.is_some()) {
+            notes.push(format!("ground: {} points of class {GROUND}", class.count()));
+            class
         } else {
-            if kind == Kind::Class {
+            if by_class {
                 if self.above.from == GroundFrom::Class {
                     return Err(not_of_class());
                 }
-                store = self.store();
-                self.pass(wide.unwrap_or(records), None, Some((Kind::Candidates, &store)))?;
+                let gathering = Gathering::of_candidates(&candidates);
+                self.pass(wide.unwrap_or(records), None, gathering)?;
             }
-            store = self.filtered(&store, &mut notes)?;
-        }
+            if candidates.count() == 0 && self.portion.is_none() {
+                return Err(self.no_candidates());
+            }
+            self.filtered(&candidates, &mut notes)?
+        };
         let store = self.limited(store)?;
         let is_there = store.count() > 0 || self.portion.is_some();
         let surface = is_there.then(|| Surfaces::new(store, self.info.frame));
@@ -212,8 +306,24 @@ impl Looking<'_> {
         PointStore::empty(tiling(self.info), self.folder, self.memory / PARTS)
     }
 
-    /// What the ground filter finds among the candidates.
-    fn filtered(&self, candidates: &PointStore, notes: &mut Vec<String>) -> Result<PointStore> {
+    /// Stores for points that may be ground.
+    fn candidates(&self, store: impl Fn() -> PointStore) -> Candidates {
+        Candidates { last: store(), others: store(), is_numbered: AtomicBool::new(false) }
+    }
+
+    /// The error of a cloud none of whose points may be ground.
+    fn no_candidates(&self) -> Error {
+        match self.above.reclassify() {
+            None => no_ground(),
+            Some(_) => Error::bad_input(
+                "the cloud has no points whose class --classify ground may change",
+            )
+            .remedy("name the classes that may be ground: --classify ground:reclassify=CLASS,..."),
+        }
+    }
+
+    /// What the method finds among the candidates: by the last returns, and then all that lie on their surface.
+    fn filtered(&self, candidates: &Candidates, notes: &mut Vec<String>) -> Result<PointStore> {
         let metres = Metres::of(&self.info.crs, &self.info.frame)?;
         if metres.is_guess {
             notes.push(Metres::GUESS.to_owned());
@@ -221,15 +331,19 @@ impl Looking<'_> {
         let tile = (self.square + self.memory / TILE_SHARE) / self.threads as u64;
         let ground = self.store();
         let method = self.above.from.method();
+        let all_returns = self
+            .seen()
+            .map_or(!candidates.is_numbered.load(Ordering::Relaxed), |seen| seen.all_returns);
+        let looked_at = candidates.looked_at(all_returns);
         let filter = match self.portion.zip(self.seen()) {
-            None => Filter::new(candidates, &metres, method, tile),
+            None => Filter::new(looked_at, &metres, method, tile),
             Some((portion, seen)) => {
-                Filter::within(portion.ground(), seen.last, candidates, &metres, method, tile)
+                Filter::within(portion.ground(), seen.last, looked_at, &metres, method, tile)
             }
         };
+        let filter = filter.and(&candidates.others);
         filter.run(&ground, self.threads, self.at.progress, self.at.cancel)?;
-        let (found, all) = (ground.count(), candidates.count());
-        notes.push(found_by(&method, found, all));
+        notes.push(found_by(&method, ground.count(), candidates.count(), "points"));
         Ok(ground)
     }
 
@@ -238,37 +352,24 @@ impl Looking<'_> {
         &self,
         records: &dyn Records,
         entries: Option<&Buckets<Entry>>,
-        ground: Option<(Kind, &PointStore)>,
+        mut ground: Gathering<'_>,
     ) -> Result<(Vec<u64>, u64)> {
         let tiling = tiling(self.info);
         self.at.progress.begin("ground", total(records));
         let mut entries = entries.map(Buckets::writer);
-        let mut run = Vec::new();
         let found = numbered::pass(records, self.flow, self.at, &mut |number, record| {
-            let (point, is_candidate) = (self.place(record), self.is_candidate(record));
-            let class = self.format.class(record);
+            let point = self.place(record);
             if let Some(entries) = &mut entries {
                 let place = [point.x, point.y, point.z];
-                let is_candidate = is_candidate.into();
-                let entry = Entry { place, class, is_candidate, spare: [0; 2], number };
+                let may_be_ground = self.may_be_ground(record).into();
+                let class = self.format.class(record);
+                let entry = Entry { place, class, may_be_ground, spare: [0; 2], number };
                 entries.push(tiling.square_of(point), entry)?;
             }
-            let Some((kind, store)) = ground else { return Ok(()) };
-            let is_ground = match kind {
-                Kind::Class => class == GROUND && self.is_there(record),
-                Kind::Candidates => is_candidate,
-            };
-            if is_ground {
-                run.push(point);
-            }
-            if run.len() == TOGETHER {
-                store.add(&run)?;
-                run.clear();
-            }
-            Ok(())
+            ground.take(self, record, point)
         })?;
         entries.map_or(Ok(()), |entries| entries.finish())?;
-        ground.map_or(Ok(()), |(_, store)| store.add(&run))?;
+        ground.finish()?;
         self.at.progress.end();
         Ok(found)
     }
@@ -278,10 +379,9 @@ impl Looking<'_> {
         Point { x: x.wrapping_sub(by[0]), y: y.wrapping_sub(by[1]), z: z.wrapping_sub(by[2]) }
     }
 
-    /// Whether a point may be found to be ground.
-    fn is_candidate(&self, record: &[u8]) -> bool {
-        let [number, returns] = self.format.returns(record);
-        Return::Last.is(number, returns)
+    /// Whether a point may be found to be ground, whatever return it is.
+    fn may_be_ground(&self, record: &[u8]) -> bool {
+        self.above.may_be_ground(self.format.class(record))
             && !is_known_noise(self.format, record)
             && self.is_there(record)
     }
@@ -311,7 +411,7 @@ impl Looking<'_> {
         };
         workers::run(self.threads, squares, self.at.cancel, Counts::default, square, finish)?;
         self.at.progress.end();
-        Ok(*lock(&all))
+        Ok(std::mem::take(&mut *lock(&all)))
     }
 
     fn square(
@@ -385,10 +485,14 @@ impl Looking<'_> {
         let mut class = entry.class;
         for way in &self.above.classify {
             class = match way {
-                Classify::Ground => {
+                Classify::Ground(classes) => {
                     let is_ground =
-                        entry.is_candidate > 0 && known.binary_search(&entry.point()).is_ok();
-                    counts.ground += u64::from(is_ground);
+                        entry.may_be_ground > 0 && known.binary_search(&entry.point()).is_ok();
+                    if is_ground {
+                        *counts.ground.entry(class).or_default() += 1;
+                    } else if !classes.may_change(class) && !NOISE.contains(&class) {
+                        *counts.kept.entry(class).or_default() += 1;
+                    }
                     counts.no_longer += u64::from(!is_ground && class == GROUND);
                     match (is_ground, class) {
                         (true, _) => GROUND,
@@ -412,8 +516,15 @@ impl Looking<'_> {
     fn told(&self, counts: &Counts) -> Vec<String> {
         let mut notes = Vec::new();
         if self.above.finds_ground() {
-            let Counts { ground, no_longer, .. } = counts;
-            notes.push(format!("classes: {ground} points are ground, {no_longer} no longer"));
+            let Counts { ground, no_longer, kept, .. } = counts;
+            let (all, of) = (ground.values().sum::<u64>(), by_class(ground));
+            notes.push(format!("classes: {all} points are ground{of}, {no_longer} no longer"));
+            if !kept.is_empty() {
+                let all = kept.values().sum::<u64>();
+                let of = by_class(kept);
+                let more = "--classify ground:reclassify=CLASS,... names classes that may change";
+                notes.push(format!("classes: {all} points keep theirs{of}; {more}"));
+            }
         }
         if self.above.layers().is_some() {
             notes.push(format!("classes: {} points by their heights", counts.layered));
@@ -429,6 +540,13 @@ impl Looking<'_> {
         }
         notes
     }
+}
+
+/// How many points there are of each class: " (3 of class 1, 5 of class 2)".
+fn by_class(counts: &BTreeMap<u8, u64>) -> String {
+    let all: Vec<_> =
+        counts.iter().map(|(class, count)| format!("{count} of class {class}")).collect();
+    if all.is_empty() { String::new() } else { format!(" ({})", all.join(", ")) }
 }
 
 /// The lowest of sorted points at the position of one.

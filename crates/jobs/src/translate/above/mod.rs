@@ -6,6 +6,7 @@
 //! ```
 
 mod look;
+mod reclassify;
 mod told;
 
 use std::fmt;
@@ -22,6 +23,7 @@ use terrane_ground::noise;
 use told::VALUES;
 
 pub(super) use look::Looking;
+pub use reclassify::Reclassify;
 pub(super) use told::Told;
 
 /// Where the height of a point above the ground goes.
@@ -39,8 +41,8 @@ pub enum HeightsAs {
 pub enum Classify {
     /// Those that a method finds to be noise are of its class; before all others, as noise is no ground.
     Noise(noise::Asked),
-    /// Those found to be ground are of class 2, and no others are.
-    Ground,
+    /// Of the classes that may change, those found to be ground are of class 2, and no others are.
+    Ground(Reclassify),
     /// Those of no class (0 or 1) are of one by their height above the ground.
     Height(Layers),
 }
@@ -81,18 +83,20 @@ impl FromStr for Layers {
 impl FromStr for Classify {
     type Err = String;
 
-    /// "ground", "height", "height:3=0.5,4=2,5=5", "noise", "noise:voxel:step=2,isolated=3".
+    /// "ground", "ground:reclassify=9,17", "height", "height:3=0.5,4=2,5=5", "noise", "noise:voxel:step=2,isolated=3".
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         match text.split_once(':') {
-            None if text == "ground" => Ok(Self::Ground),
+            None if text == "ground" => Ok(Self::Ground(Reclassify::default())),
             None if text == "height" => Ok(Self::Height(Layers::default())),
             None if text == "noise" => Ok(Self::Noise(noise::Asked::BEST)),
+            Some(("ground", classes)) => classes.parse().map(Self::Ground),
             Some(("height", layers)) => layers.parse().map(Self::Height),
             Some(("noise", method)) => {
                 noise::Asked::parse(method).map(Self::Noise).map_err(|e| e.to_string())
             }
             _ => Err(format!(
-                "{text} is none of ground, height, height:CLASS=FROM,..., noise, noise:METHOD"
+                "{text} is none of ground, ground:reclassify=CLASS,..., height, height:CLASS=FROM,..., noise, \
+                 noise:METHOD"
             )),
         }
     }
@@ -101,7 +105,7 @@ impl FromStr for Classify {
 impl fmt::Display for Classify {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let layers = match self {
-            Self::Ground => return f.write_str("ground"),
+            Self::Ground(classes) => return classes.fmt(f),
             Self::Noise(asked) => return write!(f, "noise:{asked}"),
             Self::Height(Layers(layers)) => layers,
         };
@@ -247,8 +251,21 @@ impl Above {
         })
     }
 
+    /// The classes that may change, if points are given that of ground.
+    fn reclassify(&self) -> Option<&Reclassify> {
+        self.classify.iter().find_map(|one| match one {
+            Classify::Ground(classes) => Some(classes),
+            _ => None,
+        })
+    }
+
     fn finds_ground(&self) -> bool {
-        self.classify.contains(&Classify::Ground)
+        self.reclassify().is_some()
+    }
+
+    /// Whether points of a class, which is none of noise, may be found to be ground.
+    fn may_be_ground(&self, class: u8) -> bool {
+        self.reclassify().is_none_or(|classes| classes.may_change(class))
     }
 
     /// Whether the ground is that of the classes, if there are points of it.

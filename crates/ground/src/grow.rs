@@ -1,0 +1,159 @@
+//! Ground that goes on from cell to cell, up ridges and to the edges of cliffs.
+//!
+//! A cloth cuts ridges off, and a triangulation does not climb what is steeper than its limits. But ground goes on as
+//! it is: a cell's lowest point is ground when it lies on the plane through the ground beside it, whatever the slope.
+//! Roofs and plants are steps, which no plane leads up to.
+
+use crate::lows::Lows;
+
+/// Cells on each side that a plane is fitted to, and fewest of them with ground.
+const BESIDE: usize = 2;
+const FEWEST: usize = 6;
+/// How far from the plane ground may lie, in metres: for each metre that it rises by metre and each that the ground
+/// beside strays from it, further.
+const NEAR: f64 = 0.1;
+const BY_SLOPE: f64 = 0.15;
+const MOST_STRAY: f64 = 0.3;
+/// How far below the plane it may lie at least.
+const BELOW: f64 = 0.3;
+/// Steepest ground, rise over run.
+const STEEPEST: f64 = 9.0;
+/// Most times that ground grows by a cell.
+const ROUNDS: usize = 64;
+/// Least share of the spread along one axis that is not told by the other: points on a line have no plane.
+const SPREAD: f64 = 0.05;
+
+/// The seeds, sorted, with all cells that ground goes on to from them.
+pub(crate) fn grown(lows: &Lows<'_>, seeds: &[usize]) -> Vec<usize> {
+    let points: Vec<Option<[f64; 3]>> = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
+    let mut growing =
+        Growing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
+    seeds.iter().for_each(|&at| growing.is_ground[at] = true);
+    let mut waiting = vec![true; lows.points.len()];
+    for _ in 0..ROUNDS {
+        let goes_on = |at: &usize| waiting[*at] && !growing.is_ground[*at] && growing.goes_on(*at);
+        let found: Vec<usize> = (0..waiting.len()).filter(goes_on).collect();
+        if found.is_empty() {
+            break;
+        }
+        waiting.fill(false);
+        for at in found {
+            growing.is_ground[at] = true;
+            growing.beside(at).for_each(|other| waiting[other] = true);
+        }
+    }
+    (0..waiting.len()).filter(|&at| growing.is_ground[at]).collect()
+}
+
+struct Growing {
+    /// The lowest point of each cell, in metres.
+    points: Vec<Option<[f64; 3]>>,
+    width: usize,
+    is_ground: Vec<bool>,
+}
+
+impl Growing {
+    /// The cells of the square around one.
+    fn beside(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
+        let (width, rows) = (self.width, self.points.len() / self.width);
+        let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
+        let cols = around(at % width, width);
+        around(at / width, rows).flat_map(move |row| cols.clone().map(move |col| row * width + col))
+    }
+
+    /// Whether the point of a cell lies on the plane through the ground beside it.
+    fn goes_on(&self, at: usize) -> bool {
+        let Some([x, y, z]) = self.points[at] else { return false };
+        let mut sums = Sums::default();
+        for other in self.beside(at).filter(|other| self.is_ground[*other]) {
+            if let Some([east, north, up]) = self.points[other] {
+                sums.add([east - x, north - y, up - z]);
+            }
+        }
+        let Some(Plane { height, slope, stray }) = sums.plane() else { return false };
+        let near = NEAR + BY_SLOPE * slope + stray.min(MOST_STRAY);
+        slope <= STEEPEST && -height <= near && height <= near.max(BELOW)
+    }
+}
+
+/// A plane through points: its height at the origin, its slope, and how far the points stray from it.
+struct Plane {
+    height: f64,
+    slope: f64,
+    stray: f64,
+}
+
+/// Sums over points.
+#[derive(Default)]
+struct Sums {
+    count: usize,
+    first: [f64; 3],
+    /// Of x x, x y, y y, x z, y z, z z.
+    second: [f64; 6],
+}
+
+impl Sums {
+    fn add(&mut self, [x, y, z]: [f64; 3]) {
+        self.count += 1;
+        self.first.iter_mut().zip([x, y, z]).for_each(|(sum, v)| *sum += v);
+        let products = [x * x, x * y, y * y, x * z, y * z, z * z];
+        self.second.iter_mut().zip(products).for_each(|(sum, v)| *sum += v);
+    }
+
+    /// The plane with the least squares; `None` of few points, or such that lie on a line.
+    fn plane(&self) -> Option<Plane> {
+        let count = (self.count >= FEWEST).then_some(self.count as f64)?;
+        let [x, y, z] = self.first.map(|sum| sum / count);
+        let centred = |k: usize, a: f64, b: f64| self.second[k] - count * a * b;
+        let [xx, xy, yy] = [centred(0, x, x), centred(1, x, y), centred(2, y, y)];
+        let [xz, yz, zz] = [centred(3, x, z), centred(4, y, z), centred(5, z, z)];
+        let determinant = xx * yy - xy * xy;
+        if determinant <= SPREAD * xx * yy {
+            return None;
+        }
+        let (east, north) = ((xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant);
+        let left = (zz - east * xz - north * yz).max(0.0);
+        Some(Plane {
+            height: z - east * x - north * y,
+            slope: (east * east + north * north).sqrt(),
+            stray: (left / (count - 3.0)).sqrt(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::Point;
+
+    const WIDTH: usize = 40;
+
+    /// The cells that ground grows to from the first column, of cells so high in metres.
+    fn grown_to(height: impl Fn(usize, usize) -> f64) -> Vec<bool> {
+        let at = |v: usize| v as i32 * 100 + 50;
+        let point = |k: usize| {
+            let (col, row) = (k % WIDTH, k / WIDTH);
+            Point::new(at(col), at(row), (height(col, row) * 100.0).round() as i32)
+        };
+        let points: Vec<Point> = (0..WIDTH * WIDTH).map(point).collect();
+        let lows =
+            Lows { points: &points, width: WIDTH, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+        let seeds: Vec<usize> = (0..points.len()).filter(|k| k % WIDTH < 3).collect();
+        let mut is_grown = vec![false; points.len()];
+        grown(&lows, &seeds).into_iter().for_each(|at| is_grown[at] = true);
+        is_grown
+    }
+
+    #[test]
+    fn slopes_of_any_steepness_are_climbed_and_steps_are_not() {
+        for slope in [0.0, 0.4, 1.7, 3.0] {
+            assert!(grown_to(|col, _| slope * col as f64).into_iter().all(|is| is), "{slope}");
+        }
+        let ridge = |col: usize, _: usize| 1.5 * 18.0_f64.min(col as f64);
+        assert!(grown_to(ridge).iter().enumerate().all(|(k, is)| *is || k % WIDTH > 17));
+        for step in [0.6, 2.5, 9.0] {
+            let found = grown_to(|col, _| 0.2 * col as f64 + if col < 20 { 0.0 } else { step });
+            assert!(found.iter().enumerate().all(|(k, is)| *is == (k % WIDTH < 20)), "{step}");
+        }
+    }
+}

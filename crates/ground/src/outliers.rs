@@ -1,0 +1,226 @@
+//! Low outliers: points below the ground, which their neighbours contradict at several scales.
+//!
+//! A point is compared with the chords between the lowest points of blocks that lie opposite each other around it,
+//! near by and further away. On a slope of any steepness, and along a ditch or a valley, some chord is as low as the
+//! point; in a dense forest the ground seen through one gap is as low as that seen through others. A low outlier
+//! lies below every chord, at every scale. Blocks are so far away that a clump of outliers has none to itself.
+
+use crate::grid::slid;
+use crate::lows::{EMPTY, Lows, NO_POINT};
+use terrane_base::geom::Point;
+
+/// Side of a block in cells.
+const BLOCK: usize = 3;
+/// At each scale blocks along the side of a square, and cells from the point to the middle of the square: the eight
+/// squares around it leave no direction out.
+const SCALES: [(isize, isize); 3] = [(1, 4), (3, 12), (7, 28)];
+/// Scales at which a slope may be told from blocks on one side of a point alone.
+const ONE_SIDED: usize = 2;
+/// Half of the directions from a point; the others are opposite.
+const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [1, 1], [0, 1], [-1, 1]];
+/// Times that outliers are looked for: deeper ones hide others.
+const PASSES: usize = 3;
+/// How far an outlier lies below all chords, in metres.
+const DEPTH: f64 = 1.0;
+/// Most cells of a clump of outliers, which lie no more than so many cells from each other.
+const CLUMP: usize = 9;
+const BESIDE: usize = 3;
+
+/// Cells around one that decide whether its point is an outlier.
+pub(crate) const REACH: usize = PASSES * (28 + 7 * BLOCK / 2 + 1);
+
+/// The lowest points without low outliers: their cells are empty.
+pub(crate) fn without_outliers(lows: &Lows<'_>) -> Vec<Point> {
+    let mut points = lows.points.to_vec();
+    for _ in 0..PASSES {
+        let heights: Vec<i32> = points.iter().map(|p| p.z).collect();
+        let blocks = Blocks::new(&heights, lows.width);
+        let depth = DEPTH / lows.step[2];
+        let is_outlier = |at: &usize| {
+            let z = heights[*at];
+            z != EMPTY
+                && blocks.contradict(*at, z, depth)
+                && company(&heights, lows.width, *at, f64::from(z) + depth) <= CLUMP
+        };
+        let outliers: Vec<usize> = (0..heights.len()).filter(is_outlier).collect();
+        outliers.iter().for_each(|at| points[*at] = NO_POINT);
+        if outliers.is_empty() {
+            break;
+        }
+    }
+    points
+}
+
+/// How many cells beside one, and itself, are no higher than this: those at the corner of a pit are more than a clump.
+fn company(heights: &[i32], width: usize, at: usize, most: f64) -> usize {
+    let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
+    let cols = around(at % width, width);
+    let rows = around(at / width, heights.len() / width);
+    let lines = rows.map(|row| &heights[row * width..][cols.clone()]);
+    lines.flatten().filter(|z| **z != EMPTY && f64::from(**z) <= most).count()
+}
+
+/// The lowest height of each block that touches the window, by its first column and row, from `BLOCK - 1` before the
+/// window on.
+struct Blocks {
+    lowest: Vec<i32>,
+    width: usize,
+    wide: isize,
+    rows: isize,
+}
+
+impl Blocks {
+    fn new(heights: &[i32], width: usize) -> Self {
+        let before = BLOCK - 1;
+        let (wide, rows) = (width + before, heights.len() / width + before);
+        let mut cells = vec![EMPTY; wide * rows];
+        let lines = cells.chunks_exact_mut(wide).skip(before);
+        for (line, heights) in lines.zip(heights.chunks_exact(width)) {
+            line[before..].copy_from_slice(heights);
+        }
+        let lowest = slid(cells, wide, BLOCK, i32::min);
+        Self { lowest, width, wide: wide as isize, rows: rows as isize }
+    }
+
+    /// Whether a height of a cell lies too far below the chords around it, at each scale that has any.
+    fn contradict(&self, at: usize, height: i32, depth: f64) -> bool {
+        let at = [(at % self.width) as isize, (at / self.width) as isize];
+        let most = f64::from(height) + depth;
+        let mut verdicts = (0..SCALES.len()).filter_map(|scale| self.verdict(at, scale, most));
+        let mut is_contradicted = false;
+        verdicts.all(|verdict| {
+            is_contradicted = true;
+            verdict
+        }) && is_contradicted
+    }
+
+    /// Whether all chords of a scale are above a height; `None` where there is none.
+    fn verdict(&self, at: [isize; 2], scale: usize, height: f64) -> Option<bool> {
+        let (side, away) = SCALES[scale];
+        let along = |k: isize| (k - side / 2) * BLOCK as isize;
+        let mut is_above = None;
+        for [east, north] in DIRECTIONS {
+            for k in 0..side * side {
+                let by = [east * away + along(k % side), north * away + along(k / side)];
+                match self.chord(at, by, scale < ONE_SIDED) {
+                    Some(chord) if chord <= height => return Some(false),
+                    Some(_) => is_above = Some(true),
+                    None => {}
+                }
+            }
+        }
+        is_above
+    }
+
+    /// Height at a cell of the chord between the blocks so far from it, or of the line through two on one side.
+    fn chord(&self, at: [isize; 2], by: [isize; 2], one_sided: bool) -> Option<f64> {
+        let block = |times: isize| self.block([0, 1].map(|i| at[i] + times * by[i]));
+        match [block(1), block(-1)] {
+            [Some(a), Some(b)] => Some(0.5 * (a + b)),
+            [Some(a), None] if one_sided => block(2).map(|far| 2.0 * a - far),
+            [None, Some(a)] if one_sided => block(-2).map(|far| 2.0 * a - far),
+            _ => None,
+        }
+    }
+
+    /// The lowest height of the block around a cell.
+    fn block(&self, [col, row]: [isize; 2]) -> Option<f64> {
+        let beside = BLOCK as isize / 2;
+        let (x, y) = (col + beside, row + beside);
+        let inside = (0..self.wide).contains(&x) && (0..self.rows).contains(&y);
+        let height = self.lowest[if inside { (y * self.wide + x) as usize } else { return None }];
+        (height != EMPTY).then_some(f64::from(height))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 150;
+
+    /// Cells whose points are left out, of heights in metres.
+    fn left_out(
+        width: usize,
+        rows: usize,
+        height: impl Fn(usize, usize) -> f64,
+    ) -> Vec<[usize; 2]> {
+        let point = |k: usize| {
+            let (col, row) = (k % width, k / width);
+            Point::new(col as i32, row as i32, (height(col, row) * 100.0).round() as i32)
+        };
+        let points: Vec<Point> = (0..width * rows).map(point).collect();
+        let lows =
+            Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [1.0, 1.0, 0.01] };
+        let left = without_outliers(&lows);
+        (0..left.len())
+            .filter(|&at| left[at] == NO_POINT)
+            .map(|at| [at % width, at / width])
+            .collect()
+    }
+
+    fn slope(col: usize, row: usize) -> f64 {
+        0.8 * col as f64 - 0.3 * row as f64
+    }
+
+    #[test]
+    fn single_points_pairs_and_clumps_are_left_out_and_nothing_else() {
+        for place in [[75, 75], [1, 70], [80, 148], [2, 2]] {
+            for clump in [&[[0, 0]][..], &[[0, 0], [1, 0]], &[[0, 0], [1, 1], [0, 1], [2, 1]]] {
+                let deep: Vec<_> =
+                    clump.iter().map(|by| [place[0] + by[0], place[1] + by[1]]).collect();
+                let height =
+                    |col, row| slope(col, row) - if deep.contains(&[col, row]) { 9.0 } else { 0.0 };
+                let mut expected: Vec<_> =
+                    deep.iter().filter(|at| at[0] < WIDTH && at[1] < WIDTH).copied().collect();
+                expected.sort_by_key(|at| [at[1], at[0]]);
+                assert_eq!(left_out(WIDTH, WIDTH, height), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn deep_ground_with_company_is_kept() {
+        let pit = |col: usize, row: usize| {
+            let inside = (60..72).contains(&col) && (50..61).contains(&row);
+            if inside { -12.0 } else { 0.0 }
+        };
+        assert!(left_out(WIDTH, WIDTH, pit).is_empty());
+        for (east, north) in [(1, 0), (0, 1), (1, 1), (2, 1), (3, 1), (5, 2)] {
+            let ditch = |col: usize, row: usize| {
+                let away = (col * north).abs_diff(row * east + 20 * north);
+                slope(col, row) - if away < 2 * (east + north) { 3.0 } else { 0.0 }
+            };
+            assert_eq!(left_out(WIDTH, WIDTH, ditch), [[0; 2]; 0], "{east} {north}");
+        }
+    }
+
+    /// Crowns with gaps, through which one cell of nine square metres shows the ground.
+    #[test]
+    fn ground_seen_through_gaps_of_a_forest_is_kept() {
+        let hash = |col: usize, row: usize| (col * 7919 + row * 104_729) % 97;
+        let crowns = |col: usize, row: usize| {
+            let above = if hash(col, row) < 11 { 0.0 } else { 6.0 + hash(row, col) as f64 * 0.1 };
+            slope(col, row) + above
+        };
+        let lost = left_out(WIDTH, WIDTH, crowns);
+        assert!(lost.len() < 20, "{lost:?}");
+    }
+
+    #[test]
+    fn cells_further_than_the_reach_have_no_part_in_it() {
+        let height = |col: usize, row: usize| {
+            let hash = (col as u32 ^ (row as u32) << 9).wrapping_mul(0x9E37_79B1).rotate_left(13);
+            slope(col, row) - if hash % 400 == 0 { (hash >> 20) as f64 * 0.01 } else { 0.0 }
+        };
+        let (side, part) = (3 * REACH, 2 * REACH + 20);
+        let whole = left_out(side, side, height);
+        let [east, north] = [23, 41];
+        let cut = left_out(part, part, |col, row| height(col + east, row + north));
+        let inner = |at: &[usize; 2]| at.iter().all(|v| (REACH..REACH + 20).contains(v));
+        let cut: Vec<_> = cut.into_iter().filter(inner).collect();
+        let back = |[col, row]: [usize; 2]| Some([col.checked_sub(east)?, row.checked_sub(north)?]);
+        let expected: Vec<_> = whole.into_iter().filter_map(back).filter(inner).collect();
+        assert_eq!(cut, expected);
+    }
+}

@@ -1,0 +1,64 @@
+//! Which classes `--classify ground` may change.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::grid::preset::NOISE;
+
+/// Classes that are given anew where points are found to be ground: those of no class (0 and 1), ground (2) and
+/// vegetation (3 to 5), and others by name. Points of other classes, such as water (9) or a bridge (17), are left
+/// out of the search and keep their class.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Reclassify {
+    /// Sorted, without those that always may change.
+    also: Vec<u8>,
+}
+
+/// The last class that always may change: high vegetation.
+const LAST: u8 = 5;
+
+impl Reclassify {
+    /// The usual classes and these.
+    ///
+    /// # Errors
+    /// A class of noise, which is no ground.
+    pub fn also(classes: impl IntoIterator<Item = u8>) -> Result<Self, String> {
+        let mut also: Vec<u8> = classes.into_iter().filter(|class| *class > LAST).collect();
+        also.sort_unstable();
+        also.dedup();
+        match also.iter().find(|class| NOISE.contains(class)) {
+            Some(class) => Err(format!("points of class {class} are noise, which is never ground")),
+            None => Ok(Self { also }),
+        }
+    }
+
+    /// Whether points of a class may be found to be ground.
+    pub fn may_change(&self, class: u8) -> bool {
+        class <= LAST || self.also.binary_search(&class).is_ok()
+    }
+}
+
+impl FromStr for Reclassify {
+    type Err = String;
+
+    /// "reclassify=9,17"; "" for the usual classes.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some(classes) = text.strip_prefix("reclassify=") else {
+            return Err(format!("{text:?} is not of the form reclassify=CLASS,..."));
+        };
+        let class =
+            |text: &str| text.trim().parse().map_err(|_| format!("{text:?} is no class, 0 to 255"));
+        Self::also(classes.split(',').map(class).collect::<Result<Vec<_>, _>>()?)
+    }
+}
+
+impl fmt::Display for Reclassify {
+    /// As `--classify` takes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let classes: Vec<_> = self.also.iter().map(u8::to_string).collect();
+        match classes.as_slice() {
+            [] => f.write_str("ground"),
+            _ => write!(f, "ground:reclassify={}", classes.join(",")),
+        }
+    }
+}
