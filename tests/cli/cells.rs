@@ -39,7 +39,8 @@ fn at(text: &str, [x, y]: [f64; 2]) -> f64 {
 #[test]
 fn a_centre_on_the_side_of_a_kept_triangle_has_its_value() {
     let place = Place::new();
-    let turns: [(&str, fn([f64; 3]) -> [f64; 3], [f64; 2]); 4] = [
+    type Turn = fn([f64; 3]) -> [f64; 3];
+    let turns: [(&str, Turn, [f64; 2]); 4] = [
         ("as it is", |at| at, [5.0, 5.0]),
         ("mirrored", |[x, y, z]| [70.0 - x, y, z], [65.0, 5.0]),
         ("lying", |[x, y, z]| [y, x, z], [5.0, 5.0]),

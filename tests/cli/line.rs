@@ -249,8 +249,17 @@ fn goals_are_met_by_what_is_written() {
 #[test]
 fn decimals_are_those_of_every_format() {
     let place = Place::new();
-    let line = |x: f64| format!("LINESTRING Z ({x} 0.5167 7.449,1.23456 {x} -0.04,9 9 {x})\n");
-    place.write("a.wkt", (0..40).map(|k| line(f64::from(k) * 0.077)).collect::<String>());
+    // Far from each other, so that with topology, too, every vertex can be rounded.
+    let line = |k: f64| {
+        let (x, y) = (k * 0.077, k * 2.0);
+        format!(
+            "LINESTRING Z ({x} {} 7.449,1.23456 {} -0.04,9 {} {x})\n",
+            y + 0.5167,
+            y + x,
+            y + 9.0
+        )
+    };
+    place.write("a.wkt", (0..40).map(|k| line(f64::from(k))).collect::<String>());
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
         for way in
             [&["--tolerance", "0"][..], &["--keep-ratio", "1"], &["--tolerance", "0", "--topology"]]

@@ -274,9 +274,7 @@ fn parts_are_what_conditions_choose() {
         ("return_number", "return_number", "c.las"),
         ("withheld", "withheld", "c.laz"),
     ] {
-        let told = json(
-            &place.ok(&["points", of, "parts", "--split", attribute, "--json", "--overwrite"]).out,
-        );
+        let told = json(&place.ok(&["points", of, "parts", "--split", attribute, "--json"]).out);
         let all = lines(&text);
         let mut values: Vec<i64> = all.iter().map(|p| p.get(column) as i64).collect();
         values.sort_unstable();
@@ -291,6 +289,7 @@ fn parts_are_what_conditions_choose() {
         }
         let files = std::fs::read_dir(place.path("parts")).unwrap().count();
         assert_eq!(files, values.len(), "nothing else is in the folder");
+        std::fs::remove_dir_all(place.path("parts")).unwrap();
     }
 }
 
@@ -329,7 +328,12 @@ fn scaled_and_missing_values_are_names_of_files() {
         ["0.1", "0.3", "0", "none"].map(|value| format!("HeightAboveGround_{value}.las"));
     assert_eq!(names, expected);
     // Only folders of such files are replaced.
-    place.ok(&["points", "p.las", "parts", "--split", "class", "--overwrite"]);
+    // A folder of the values of another attribute is not this one's to replace.
+    let other = ["points", "p.las", "parts", "--split", "class", "--overwrite"];
+    place.fails(&other, 2, &["parts", "not replaced"]);
+    std::fs::remove_dir_all(place.path("parts")).unwrap();
+    place.ok(&other);
+    place.ok(&other);
     place.write("parts/notes.txt", "mine");
     place.fails(
         &["points", "p.las", "parts", "--split", "class", "--overwrite"],

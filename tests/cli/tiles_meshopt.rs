@@ -69,7 +69,9 @@ fn damaged_parts_are_noticed() {
     for view in [0, 1, 3, 4] {
         let [offset, length] = packed(view);
         let end = (view < 2).then(|| length - 3);
-        for at in [0, 1, 3].into_iter().chain(end) {
+        // The last four bytes of indices stand for nothing.
+        let is_told = |at: &usize| view < 3 || *at + 4 < length;
+        for at in [0, 1, 3].into_iter().filter(is_told).chain(end) {
             let mut changed = Glb::of(&whole);
             changed.buffer[offset + at] ^= 0x15;
             notices(&changed, &format!("byte {at} of view {view}"));

@@ -191,7 +191,7 @@ fn other_pixels_are_noticed() {
         [&whole[..at - 4], &2_u32.to_le_bytes(), &[255, 255], &whole[at + length..]].concat();
     fs::write(&path, short).unwrap();
     let ran = place.run(&verify);
-    assert!(ran.code == 65 && ran.err.contains("a water mask has 2 bytes"), "{}", ran.err);
+    assert!(ran.code == 1 && ran.out.contains("a water mask has 2 bytes"), "{ran:?}");
     fs::write(&path, &whole).unwrap();
     place.ok(&verify);
     // Other polygons are noticed by the pixels alone, where the ground is level all the same.

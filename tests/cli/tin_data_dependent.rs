@@ -15,6 +15,15 @@ fn meshes_of_any_triangles_are_smaller_and_proved_as_written() {
             let error = if grid.contains("smooth") { "0.3" } else { "4" };
             let make = ["tin", grid, &mesh, "--max-error", error, "--tile", "64", "--bound", bound];
             for more in [&["--overwrite", "--verify"][..], &["--overwrite", "--verify", "--fit"]] {
+                // Where all statements do not fit into the 80 bytes of STL, that is refused by name.
+                if format.name == "STL" && bound == "surface" && more.contains(&"--fit") {
+                    let all = [&make[..], more, &["--triangulation", "data-dependent"]].concat();
+                    let ran = place.run(&all);
+                    if ran.code != 0 {
+                        assert!(ran.code == 2 && ran.err.contains("no room to state"), "{ran:?}");
+                        continue;
+                    }
+                }
                 let make = [&make[..], more].concat();
                 let any = told(&place, &[&make[..], &ANY].concat());
                 assert_eq!(any["verify"]["passed"], true, "{mesh}");

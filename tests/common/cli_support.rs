@@ -73,7 +73,7 @@ impl Place {
     /// Runs and expects success.
     pub fn ok(&self, args: &[&str]) -> Ran {
         let ran = self.run(args);
-        assert_eq!(ran.code, 0, "{args:?}: {}", ran.err);
+        assert_eq!(ran.code, 0, "{args:?}: {}{}", ran.out, ran.err);
         ran
     }
 

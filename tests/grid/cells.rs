@@ -417,8 +417,13 @@ fn cells_may_be_those_of_another_grid() {
         ..Placement::new([0.7; 2])
     };
     run(&source, &GridJob { placement, ..wide(&a, ALL, 0.7) });
-    let like =
-        Placement { cell: None, like: Some(a.display().to_string()), align: None, bbox: None };
+    let like = Placement {
+        cell: None,
+        like: Some(a.display().to_string()),
+        align: None,
+        bbox: None,
+        is_chosen: false,
+    };
     run(&source, &GridJob { placement: like, ..wide(&b, ALL, 0.7) });
     let [a, b] =
         [a, b].map(|path| (1..=9).map(|band| read(&path, band).values).collect::<Vec<_>>());

@@ -67,7 +67,7 @@ fn counts(features: &[Feature]) -> Vec<usize> {
 fn lines_of_one_vertex_stay_in_every_format_by_every_method() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let wkt = "LINESTRING (3 4)\nMULTILINESTRING ((0 0,1 0.01,2 0),(5 6))\n";
+    let wkt = "LINESTRING (3 4)\nMULTILINESTRING ((0 0,1 0.01,2 0),(3 4))\n";
     std::fs::write(path("a.wkt"), wkt).unwrap();
     let mut inputs = Vec::new();
     let formats: Vec<_> = FORMATS.iter().filter(|format| format.create.is_some()).collect();
@@ -105,6 +105,11 @@ fn lines_of_one_vertex_stay_in_every_format_by_every_method() {
         }
         for format in &formats {
             let output = path("b").with_extension(format.extensions[0]);
+            if lone == 1 && format.extensions.contains(&"shp") {
+                let refused = made(&job(input, &output, length(0.1))).unwrap_err();
+                assert!(refused.to_string().contains("points or lines, not both"), "{refused}");
+                continue;
+            }
             made(&job(input, &output, length(0.1))).unwrap();
             assert_eq!(counts(&read(&output).0), [1, 1, 2], "{input:?} {output:?}");
             for topology in [false, true] {

@@ -210,7 +210,8 @@ fn c6_flatgeobuf_of_one_part_has_no_ends() {
     let line: &[f64] = &[0.0, 0.0, 1.0, 1.0, 2.0, 0.0];
     let square: &[f64] = &[0.0, 0.0, 0.0, 9.0, 9.0, 9.0, 9.0, 0.0, 0.0, 0.0];
     // The number of a kind, its geometries, the number that the header tells, and what comes of it.
-    let cases: [(u8, &[Option<&[f64]>], u64, &str); 7] = [
+    type Geometries<'a> = &'a [Option<&'a [f64]>];
+    let cases: [(u8, Geometries<'_>, u64, &str); 7] = [
         (5, &[Some(line)], 1, "MULTILINESTRING ((0 0,1 1,2 0))"),
         (6, &[Some(square)], 1, "MULTIPOLYGON (((0 0,0 9,9 9,9 0,0 0)))"),
         (4, &[Some(line)], 1, "MULTIPOINT (0 0,1 1,2 0)"),

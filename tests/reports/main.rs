@@ -3,10 +3,10 @@
 
 #[path = "../common/cli_support.rs"]
 mod cli_support;
-#[allow(dead_code, unreachable_pub)]
+#[allow(unreachable_pub)]
 #[path = "../common/cloud_support.rs"]
 mod cloud_support;
-#[allow(dead_code, unreachable_pub)]
+#[allow(unreachable_pub)]
 #[path = "../common/raster_support/mod.rs"]
 mod raster_support;
 

@@ -72,7 +72,7 @@ impl Named for Attribute {
 pub fn known(name: &str) -> Option<&'static Attribute> {
     let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
     let is_it = |own: &&str| plain(own) == plain(name);
-    ATTRIBUTES.iter().find(|one| is_it(&one.name) || one.aliases.iter().any(|own| is_it(own)))
+    ATTRIBUTES.iter().find(|one| is_it(&one.name) || one.aliases.iter().any(&is_it))
 }
 
 /// A return of a pulse.

@@ -151,7 +151,7 @@ impl Error {
     }
 
     /// [`ErrorKind::BadInput`] of a file that is not there.
-    pub fn missing(message: impl Into<String>) -> Self {
+    pub fn not_found(message: impl Into<String>) -> Self {
         let mut error = Self::bad_input(message);
         error.source = Some(io::ErrorKind::NotFound.into());
         error
@@ -179,7 +179,7 @@ impl Error {
         match is_address(path) {
             true => Self::unsupported("addresses are not read, only files of this machine")
                 .remedy("download the file first (curl -LO ADDRESS), and name the copy"),
-            false => Self::bad_input("no such file").remedy("check the name"),
+            false => Self::not_found("no such file").remedy("check the name"),
         }
         .in_file(path)
     }
@@ -254,10 +254,13 @@ impl Error {
         self
     }
 
-    /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already.
+    /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already. An
+    /// interruption has none: where it was noticed says nothing.
     #[must_use]
     pub fn at(mut self, place: impl fmt::Display) -> Self {
-        self.place.get_or_insert_with(|| place.to_string());
+        if self.kind != ErrorKind::Interrupted {
+            self.place.get_or_insert_with(|| place.to_string());
+        }
         self
     }
 

@@ -146,7 +146,7 @@ impl Seek {
 fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>> {
     if found.is_empty() {
         let error =
-            if place.exists() { Error::bad_input(nothing) } else { Error::missing(nothing) };
+            if place.exists() { Error::bad_input(nothing) } else { Error::not_found(nothing) };
         return Err(error.in_file(place).remedy("check the name"));
     }
     found.into_iter().map(name_of).collect()

@@ -12,7 +12,7 @@
 
 use crate::csf::{Cloth, settled};
 use crate::densify::{Cells, Limits, WIDEST, densified};
-use crate::grow::grown;
+use crate::grow::{grown, scatter};
 use crate::lows::Lows;
 use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
@@ -35,19 +35,25 @@ const ABOVE: f64 = 2.0;
 /// When points are taken into the first triangulation, and into the second: sines of 45 and 15 degrees.
 const WIDE: Limits = Limits { sine: std::f64::consts::FRAC_1_SQRT_2, distance: 2.0, spacing: 0.0 };
 const NARROW: Limits = Limits { sine: 0.258_819_045_102_520_74, distance: 1.0, spacing: 0.25 };
-/// How far from the surface ground may lie, in metres: on level ground, and at most. Between, it grows with the cube
-/// of the slope, as heights between the centres of cells miss walls and edges, but hardly slopes.
-const TOLERANCE: f64 = 0.12;
+/// How far from the surface ground may lie, in metres: on level ground, by how the cloud scatters there, and at most.
+/// Between, it grows with the cube of the slope, as heights between the centres of cells miss walls and edges, but hardly
+/// slopes. The surface goes through the lowest points, so what scatters lies above it, by two times three deviations; of
+/// lowest points the lower quarter strays by a little more than half a deviation from planes.
+const TOLERANCE: [f64; 2] = [0.12, 0.2];
+const OF_SCATTER: f64 = 5.5;
 const MOST: f64 = 10.0;
 const CLOTH: Cloth = Cloth { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
 
 fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
     let (cells, step) = (Cells::of(lows), lows.step[2]);
-    let seeds = grown(lows, &checked(lows, &cells));
+    let checked = checked(lows, &cells);
+    let level = OF_SCATTER * scatter(lows, &checked).unwrap_or_default();
+    let level = level.clamp(TOLERANCE[0], TOLERANCE[1]);
+    let seeds = grown(lows, &checked);
     let heights = densified(&cells, &seeds, &NARROW).into_iter().map(|z| z / step).collect();
     let tolerance = |rise: f64| {
         let slope = rise * step / lows.cell;
-        (TOLERANCE + lows.cell * slope.powi(3)).min(MOST)
+        (level + lows.cell * slope.powi(3)).min(MOST)
     };
     Ground::new(lows.width, heights, |rise| tolerance(rise) / step)
 }

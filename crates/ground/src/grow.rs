@@ -45,6 +45,19 @@ pub(crate) fn grown(lows: &Lows<'_>, seeds: &[usize]) -> Vec<usize> {
     (0..waiting.len()).filter(|&at| growing.is_ground[at]).collect()
 }
 
+/// How far ground scatters around planes, in metres: of four seeds three scatter more, which rough ground and plants
+/// make of some. `None` where hardly any seed has others beside it.
+pub(crate) fn scatter(lows: &Lows<'_>, seeds: &[usize]) -> Option<f64> {
+    let points = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
+    let mut growing =
+        Growing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
+    seeds.iter().for_each(|&at| growing.is_ground[at] = true);
+    let mut strays: Vec<f64> =
+        seeds.iter().filter_map(|&at| Some(growing.plane(at)?.stray)).collect();
+    let quarter = strays.len() / 4;
+    (quarter > 0).then(|| *strays.select_nth_unstable_by(quarter, f64::total_cmp).1)
+}
+
 struct Growing {
     /// The lowest point of each cell, in metres.
     points: Vec<Option<[f64; 3]>>,
@@ -61,16 +74,21 @@ impl Growing {
         around(at / width, rows).flat_map(move |row| cols.clone().map(move |col| row * width + col))
     }
 
-    /// Whether the point of a cell lies on the plane through the ground beside it.
-    fn goes_on(&self, at: usize) -> bool {
-        let Some([x, y, z]) = self.points[at] else { return false };
+    /// The plane through the ground beside the point of a cell, counted from that.
+    fn plane(&self, at: usize) -> Option<Plane> {
+        let [x, y, z] = self.points[at]?;
         let mut sums = Sums::default();
         for other in self.beside(at).filter(|other| self.is_ground[*other]) {
             if let Some([east, north, up]) = self.points[other] {
                 sums.add([east - x, north - y, up - z]);
             }
         }
-        let Some(Plane { height, slope, stray }) = sums.plane() else { return false };
+        sums.plane()
+    }
+
+    /// Whether the point of a cell lies on the plane through the ground beside it.
+    fn goes_on(&self, at: usize) -> bool {
+        let Some(Plane { height, slope, stray }) = self.plane(at) else { return false };
         let near = NEAR + BY_SLOPE * slope + stray.min(MOST_STRAY);
         slope <= STEEPEST && -height <= near && height <= near.max(BELOW)
     }

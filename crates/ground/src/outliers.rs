@@ -20,12 +20,12 @@ const ONE_SIDED: usize = 2;
 const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [1, 1], [0, 1], [-1, 1]];
 /// Times that outliers are looked for: deeper ones hide others.
 const PASSES: usize = 3;
-/// How far an outlier lies below all chords, in metres.
+/// How far an outlier lies below all chords: metres, and in cells where those are large.
 const DEPTH: f64 = 1.0;
-/// Most cells of a clump of outliers, which lie no more than so many cells from each other.
+const DEPTH_OF_CELL: f64 = 0.5;
+/// Most square metres of a clump of outliers, in cells which lie no more than so many from each other; and most cells.
 const CLUMP: usize = 9;
 const BESIDE: usize = 3;
-
 /// Cells around one that decide whether its point is an outlier.
 pub(crate) const REACH: usize = PASSES * (28 + 7 * BLOCK / 2 + 1);
 
@@ -35,12 +35,13 @@ pub(crate) fn without_outliers(lows: &Lows<'_>) -> Vec<Point> {
     for _ in 0..PASSES {
         let heights: Vec<i32> = points.iter().map(|p| p.z).collect();
         let blocks = Blocks::new(&heights, lows.width);
-        let depth = DEPTH / lows.step[2];
+        let depth = DEPTH.max(DEPTH_OF_CELL * lows.cell) / lows.step[2];
+        let most = ((CLUMP as f64 / lows.cell.powi(2)).ceil() as usize).clamp(1, CLUMP);
         let is_outlier = |at: &usize| {
             let z = heights[*at];
             z != EMPTY
                 && blocks.contradict(*at, z, depth)
-                && company(&heights, lows.width, *at, f64::from(z) + depth) <= CLUMP
+                && company(&heights, lows.width, *at, f64::from(z) + depth) <= most
         };
         let outliers: Vec<usize> = (0..heights.len()).filter(is_outlier).collect();
         outliers.iter().for_each(|at| points[*at] = NO_POINT);
@@ -211,7 +212,8 @@ mod tests {
     fn cells_further_than_the_reach_have_no_part_in_it() {
         let height = |col: usize, row: usize| {
             let hash = (col as u32 ^ (row as u32) << 9).wrapping_mul(0x9E37_79B1).rotate_left(13);
-            slope(col, row) - if hash % 400 == 0 { (hash >> 20) as f64 * 0.01 } else { 0.0 }
+            slope(col, row)
+                - if hash.is_multiple_of(400) { (hash >> 20) as f64 * 0.01 } else { 0.0 }
         };
         let (side, part) = (3 * REACH, 2 * REACH + 20);
         let whole = left_out(side, side, height);

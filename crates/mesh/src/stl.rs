@@ -40,8 +40,12 @@ const OF: &str = "bound ";
 const FITTED: &str = "fitted ";
 const ANGLE: &str = "min angle ";
 const TRIANGULATION: &str = "triangulation ";
+/// What stands for it in a title, where there is little room.
+const BY: &str = "by ";
+/// And for the longest name: triangles may be any.
+const ANY: [&str; 2] = ["any", "data-dependent"];
 /// All of them, in the order that they are written in.
-const STATED: [&str; 5] = [BOUND, OF, FITTED, ANGLE, TRIANGULATION];
+const STATED: [&str; 5] = [BOUND, OF, FITTED, ANGLE, BY];
 /// Words of a title up to the origin's last number: see [`ORIGIN`].
 const PLACE_WORDS: usize = 5;
 /// What a file has to state, the option that it comes from, and what it says.
@@ -77,9 +81,12 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 fn bound(comments: &[String]) -> Option<String> {
     let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
     let tolerance = stated.and_then(|rest| rest.split_whitespace().next())?;
-    let of = |key: &&str| comments.iter().find(|comment| comment.starts_with(key));
-    let more = STATED[1..].iter().filter_map(of).map(String::as_str);
-    Some(std::iter::once(tolerance).chain(more).collect::<Vec<_>>().join(" "))
+    let of = |key: &&str| comments.iter().find(|comment| comment.starts_with(key)).cloned();
+    let name = comments.iter().find_map(|comment| comment.strip_prefix(TRIANGULATION));
+    let short = |name: &str| if name == ANY[1] { ANY[0].to_owned() } else { name.to_owned() };
+    let by = name.map(|name| format!("{BY}{}", short(name)));
+    let more = STATED[1..4].iter().filter_map(of).chain(by);
+    Some(std::iter::once(tolerance.to_owned()).chain(more).collect::<Vec<_>>().join(" "))
 }
 
 /// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none; but
@@ -277,7 +284,11 @@ fn statements(title: &str) -> Vec<(String, String)> {
         };
         let length = key.split_whitespace().count();
         let value = words.get(length).copied().unwrap_or_default();
-        stated.push((key.trim_end().to_owned(), value.to_owned()));
+        let (name, value) = match *key {
+            BY => (TRIANGULATION, if value == ANY[0] { ANY[1] } else { value }),
+            _ => (*key, value),
+        };
+        stated.push((name.trim_end().to_owned(), value.to_owned()));
         words = words.get(length + 1..).unwrap_or_default();
     }
     if !unknown.is_empty() {

@@ -281,19 +281,24 @@ impl Chart {
     /// Columns and rows from the first sample to a place. Of a bent grid, to the nearest place of the rectangle that
     /// all samples lie in; not a number where there is none.
     pub(crate) fn at(&self, place: [f64; 2]) -> [f64; 2] {
-        let place = self.on_one_side(place);
+        self.columns(self.on_one_side(place))
+    }
+
+    /// The same, of the side of 180 degrees that a place says.
+    fn columns(&self, place: [f64; 2]) -> [f64; 2] {
         match &self.way {
             Way::Straight(map) => map.invert(place[0], place[1]),
             Way::Bent(bent) => bent.samples.at(bent.bounds.nearest(place)),
         }
     }
 
-    /// 180 degrees is one meridian, whichever side of it the samples are on.
+    /// 180 degrees is one meridian: it is on the side of it that the samples are nearer to.
     fn on_one_side(&self, place: [f64; 2]) -> [f64; 2] {
-        match place[0] == 180.0 && self.bounds().east < 180.0 {
-            true => [-180.0, place[1]],
-            false => place,
+        let Bounds { west, east, .. } = self.bounds();
+        if place[0].abs() != 180.0 || (west..=east).contains(&place[0]) {
+            return place;
         }
+        [if 180.0 - east < west + 180.0 { 180.0 } else { -180.0 }, place[1]]
     }
 
     /// The same; a hair beside a sample is on it. Where there are no columns and rows it is as at the first sample.
@@ -341,7 +346,7 @@ impl Chart {
             let to = corners[(i + 1) % 4];
             let at = |k: u32| {
                 let part = f64::from(k) / f64::from(ALONG);
-                self.at([0, 1].map(|axis: usize| from[axis] + (to[axis] - from[axis]) * part))
+                self.columns([0, 1].map(|axis: usize| from[axis] + (to[axis] - from[axis]) * part))
             };
             let points: [[f64; 2]; ALONG as usize + 1] = std::array::from_fn(|k| at(k as u32));
             for (axis, [low, high]) in ends.iter_mut().enumerate() {

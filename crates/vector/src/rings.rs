@@ -6,6 +6,8 @@ use terrane_base::error::{Error, Result};
 
 /// Most edges and rectangles that are looked at to tell which ring is in which: some seconds.
 const MOST_LOOKS: u64 = 1 << 30;
+/// Part by which the areas of rings with one outline differ at the most, as they begin elsewhere.
+const ROUNDING: f64 = 1e-9;
 /// Edges from which on a ring gets a tree of its own: a place is then held against the few edges at
 /// its height.
 const LARGE: usize = 64;
@@ -79,7 +81,7 @@ impl<'a> Rings<'a> {
 
     /// Whether no vertex of ring `inner` is outside of ring `outer`, which is larger.
     fn is_wholly_inside(&mut self, inner: usize, outer: usize) -> Result<bool> {
-        if self.areas[inner].abs() == self.areas[outer].abs() {
+        if self.is_twin(inner, outer) {
             return Ok(false);
         }
         for vertex in ring(self.coordinates, inner) {
@@ -172,10 +174,10 @@ impl<'a> Rings<'a> {
     }
 
     /// Whether ring `inner` is inside ring `outer`: as the first of its vertices that is not on it.
-    /// Of rings that are one, the first is inside.
+    /// Of rings with one outline see [`is_twin`](Self::is_twin).
     fn is_inside(&mut self, inner: usize, outer: usize) -> Result<bool> {
-        let (a, b) = (self.areas[inner].abs(), self.areas[outer].abs());
-        if a > b {
+        let is_twin = self.is_twin(inner, outer);
+        if self.areas[inner].abs() > self.areas[outer].abs() && !is_twin {
             return Ok(false);
         }
         for vertex in ring(self.coordinates, inner) {
@@ -183,7 +185,18 @@ impl<'a> Rings<'a> {
                 return Ok(is_inside);
             }
         }
-        Ok(a < b || inner < outer)
+        if !is_twin {
+            return Ok(true);
+        }
+        // What fills a hole is inside; of two that go the same way it is the first.
+        let [fills, filled] = [inner, outer].map(|at| self.areas[at] <= 0.0);
+        Ok(if fills == filled { inner < outer } else { fills })
+    }
+
+    /// Whether two rings have one outline, wherever they begin.
+    fn is_twin(&self, one: usize, other: usize) -> bool {
+        let [a, b] = [one, other].map(|at| self.areas[at].abs());
+        (a - b).abs() <= ROUNDING * a.max(b) && self.bounds[one] == self.bounds[other]
     }
 }
 

@@ -31,7 +31,7 @@ pub struct AtomicFolder {
 impl AtomicFolder {
     /// Starts a folder that will appear at `path`. Fails at once when something is there, unless
     /// `overwrite` is true and `is_ours` knows it, and when it cannot be made.
-    pub fn create(path: &Path, overwrite: bool, is_ours: fn(&Path) -> bool) -> Result<Self> {
+    pub fn create(path: &Path, overwrite: bool, is_ours: impl Fn(&Path) -> bool) -> Result<Self> {
         refuse_existing(path, overwrite)?;
         if path.symlink_metadata().is_ok() && !is_ours(path) {
             return Err(Error::usage(NOT_OURS).in_file(path).remedy("choose another name"));
@@ -119,7 +119,7 @@ mod tests {
     fn appears_whole_replaces_only_its_own_and_leaves_nothing() {
         let place = tempfile::tempdir().unwrap();
         let path = place.path().join("out");
-        let make = |text: &str, overwrite, is_ours| {
+        let make = |text: &str, overwrite, is_ours: fn(&Path) -> bool| {
             let folder = AtomicFolder::create(&path, overwrite, is_ours)?;
             std::fs::write(folder.inside().join("a"), text).unwrap();
             folder.commit()

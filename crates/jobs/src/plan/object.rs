@@ -54,7 +54,9 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
         let meta = found(std::fs::metadata(&place.file), &place.file)?;
         let Some(meta) = meta else { return Ok(None) };
         let done: Self = serde_json::from_slice(&text).map_err(|_| damaged(&note))?;
-        if done.key != place.key || done.clone().sealed() != done {
+        // The text itself, too: a name that is damaged reads as a value that is not there.
+        let is_own = serde_json::to_vec_pretty(&done).is_ok_and(|own| own == text);
+        if !is_own || done.key != place.key || done.clone().sealed() != done {
             return Err(damaged(&note));
         }
         let digest = || digest_of(std::slice::from_ref(&place.file), cancel);

@@ -101,7 +101,7 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
         let told = "holds no plan";
-        let error = if folder.exists() { Error::bad_input(told) } else { Error::missing(told) };
+        let error = if folder.exists() { Error::bad_input(told) } else { Error::not_found(told) };
         return Err(error.in_file(folder).remedy(
             "make one: terrane plan tin GRID... or CLOUD..., plan tiles GRID..., plan grid CLOUD... or plan points CLOUD..., -o FOLDER",
         ));

@@ -49,7 +49,7 @@ use division::Division;
 use folder::Folder;
 pub use format::{FORMATS, Format};
 use mask::Mask;
-pub(crate) use place::WITH_GEOID;
+pub(crate) use place::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 use place::{Heights, Place};
 pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -306,7 +306,8 @@ impl Opened {
         let [lowest, highest] = overview.range;
         let furthest = if lowest < -MOST_HEIGHT { lowest } else { highest };
         if furthest.abs() > MOST_HEIGHT {
-            let stored = furthest / self.heights.lift.metres;
+            // As the sample is held, so that the digits are those of the file.
+            let stored = (furthest / self.heights.lift.metres) as f32;
             let remedy = format!("if it stands for nodata, pass --nodata {stored:e}");
             let error = Error::bad_input(format!("the height {stored:e} is absurd"));
             return Err(refuse(error, &remedy));

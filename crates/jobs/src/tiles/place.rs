@@ -13,6 +13,8 @@ use terrane_tiles::{Bounds, Chart};
 
 /// Of heights that the geoid was added to, so that they are counted from the ellipsoid.
 pub(crate) const WITH_GEOID: &str = "ellipsoid, with the geoid added";
+pub(crate) const ON_ELLIPSOID: &str = "ellipsoid";
+pub(crate) const AS_GIVEN: &str = "as given";
 
 /// What the work on a grid is divided by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,8 +71,8 @@ pub(super) fn of(
     let is_ellipsoidal = info.crs.heights() == From::Ellipsoidal;
     let from = match (lift.has_geoid(), is_ellipsoidal) {
         (true, _) => WITH_GEOID,
-        (false, true) => "ellipsoid",
-        (false, false) => "as given",
+        (false, true) => ON_ELLIPSOID,
+        (false, false) => AS_GIVEN,
     };
     notes.extend(match (lift.has_geoid(), is_ellipsoidal) {
         (true, _) => Some("heights are brought from the geoid to the ellipsoid".to_owned()),

@@ -58,10 +58,9 @@ use split::Values;
 pub use squares::{BufferMark, Squares};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Apart;
-use terrane_cloud::write::{CloudWriter, Packing, WriteOptions, packing_by_name};
+use terrane_cloud::write::{CloudWriter, Packing, WriteOptions};
 use terrane_cloud::{
     Carrier, Census, Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, PointSource,
-    Target,
 };
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
@@ -312,20 +311,6 @@ impl TranslateJob {
         }
         Move::new(info, operation).map(Some)
     }
-
-    /// What its points are to be in.
-    fn target(&self) -> Result<Target> {
-        Ok(Target { format: self.format, version: self.version, packing: self.packing()? })
-    }
-
-    /// How its files are packed.
-    fn packing(&self) -> Result<Packing> {
-        match (&self.squares, &self.split) {
-            (Some((_, plain)), _) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
-            (None, Some(split)) => Ok(split.packing()),
-            (None, None) => packing(&self.output),
-        }
-    }
 }
 
 /// What was made.
@@ -558,7 +543,9 @@ impl Work<'_> {
     }
 
     fn split(&self, values: &Values, records: &dyn Records) -> Result<Made> {
-        let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, split::is_ours)?;
+        let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, |folder| {
+            values.is_ours(folder)
+        })?;
         let (flow, threads) = (self.shares.flow, self.shares.threads);
         let waiting = (self.folder(), self.shares.marks / 2);
         let into = (folder.inside(), &self.options);
@@ -592,12 +579,4 @@ fn finish(writer: CloudWriter) -> Result<Made> {
 
 fn total(records: &dyn Records) -> u64 {
     (0..records.units()).map(|unit| records.unit(unit).points).sum()
-}
-
-fn packing(path: &Path) -> Result<Packing> {
-    packing_by_name(path).ok_or_else(|| {
-        Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
-            .in_file(path)
-            .remedy("choose a name with one of these endings")
-    })
 }

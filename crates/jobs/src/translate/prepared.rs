@@ -1,5 +1,6 @@
 //! A job on points with all it needs: done whole, in portions, or looked at before.
 
+use std::path::Path;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -11,8 +12,9 @@ use crate::figures::Figures;
 use crate::grid::preset::Seen;
 use crate::sift::Losses;
 use crate::transform::Transformed;
-use terrane_base::error::Result;
-use terrane_cloud::{Carrier, Cloud, CloudInfo, PointSource};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::write::{Packing, packing_by_name};
+use terrane_cloud::{Carrier, Cloud, CloudInfo, PointSource, Target};
 
 /// A job that is ready to be done.
 pub(super) struct Prepared<'a> {
@@ -102,6 +104,22 @@ impl Prepared<'_> {
     }
 }
 
+impl TranslateJob {
+    /// What its points are to be in.
+    pub(super) fn target(&self) -> Result<Target> {
+        Ok(Target { format: self.format, version: self.version, packing: self.packing()? })
+    }
+
+    /// How its files are packed.
+    pub(super) fn packing(&self) -> Result<Packing> {
+        match (&self.squares, &self.split) {
+            (Some((_, plain)), _) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
+            (None, Some(split)) => Ok(split.packing()),
+            (None, None) => packing(&self.output),
+        }
+    }
+}
+
 /// Where the points of a job's cloud lie, as they are written.
 pub(super) fn stored(job: &TranslateJob, cloud: &Cloud) -> Result<CloudInfo> {
     Ok(carrier(job, cloud)?.info().clone())
@@ -125,4 +143,12 @@ pub(super) fn least(job: &TranslateJob, cloud: &Cloud, points: u64) -> Result<[u
     let carrier = carrier(job, cloud)?;
     let needed = job.needed(job.packing()?, carrier.info(), (points, true));
     Ok(Shares::least((carrier.size(), carrier.extra_bytes()), needed))
+}
+
+fn packing(path: &Path) -> Result<Packing> {
+    packing_by_name(path).ok_or_else(|| {
+        Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
+            .in_file(path)
+            .remedy("choose a name with one of these endings")
+    })
 }

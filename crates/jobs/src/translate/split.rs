@@ -70,14 +70,25 @@ impl Values {
     /// The name of the file with a value, without its ending.
     fn name(&self, key: u64) -> String {
         let value = f64::from_bits(key);
-        let plain = |c: char| if c.is_alphanumeric() || "-.".contains(c) { c } else { '_' };
-        let attribute: String = self.column.name().trim().chars().map(plain).collect();
         let value = match value.to_string() {
             _ if value.is_nan() => NONE.to_owned(),
             text if text.len() > LONGEST => format!("{value:e}"),
             text => text,
         };
-        format!("{attribute}_{value}")
+        format!("{}{value}", self.prefix())
+    }
+
+    /// What names of files begin with: the attribute.
+    fn prefix(&self) -> String {
+        let plain = |c: char| if c.is_alphanumeric() || "-.".contains(c) { c } else { '_' };
+        self.column.name().trim().chars().map(plain).chain(['_']).collect()
+    }
+
+    /// Whether a folder holds nothing but files of values of this attribute that terrane wrote.
+    pub(super) fn is_ours(&self, folder: &Path) -> bool {
+        let (prefix, is_value) =
+            (self.prefix(), |value: &str| value == NONE || value.parse::<f64>().is_ok());
+        holds_only(folder, |stem| stem.strip_prefix(&prefix).is_some_and(is_value))
     }
 
     /// Writes all records into a folder; they wait in `waiting` beyond so many bytes.
@@ -117,10 +128,4 @@ impl Values {
         Error::usage(format!("--split: {name} has more than {MOST_FILES} values, each a file"))
             .remedy("split by an attribute of fewer values, such as point_source_id")
     }
-}
-
-/// Whether a folder holds nothing but files of values that terrane wrote.
-pub(super) fn is_ours(folder: &Path) -> bool {
-    let is_value = |value: &str| value == NONE || value.parse::<f64>().is_ok();
-    holds_only(folder, |stem| stem.rsplit_once('_').is_some_and(|(_, value)| is_value(value)))
 }

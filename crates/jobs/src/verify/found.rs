@@ -269,8 +269,9 @@ impl<O: Original> MeshReport<O> {
             failures.push(self.of.wrong_area(self.mesh_area));
         }
         let no_bound = self.tolerance.is_none().then(|| NO_BOUND.to_owned());
+        // Where all edges are Delaunay it does not matter whether that was promised.
         let is_silent = self.made_by_terrane && is_silent(found.mesh, found.stated);
-        let no_triangulation = is_silent
+        let no_triangulation = (is_silent && self.non_delaunay_edges.count > 0)
             .then(|| "whether it is Delaunay, as its header had no room to state that".to_owned());
         Verdict::of(failures, no_bound.into_iter().chain(no_triangulation).collect())
     }

@@ -94,7 +94,7 @@ impl Header<'_> {
             return None;
         }
         if !self.crs.agrees(crs) {
-            return Some(false);
+            return self.crs.is_surely_another(crs).then_some(false);
         }
         let is_label = text == plain(&self.crs.label());
         let is_as_high = crs.vertical_epsg.is_some() == self.crs.vertical_epsg.is_some();
@@ -149,7 +149,7 @@ impl Header<'_> {
         let Some((_, unit)) = unit.filter(|_| self.info.is_own()) else { return };
         let ours = self.crs.horizontal_metres().unwrap_or(1.0);
         match metres_in(unit) {
-            Some(_) if unit == "millimeter" => {}
+            _ if unit == "millimeter" => {}
             Some(theirs) if self.info.scale != [1.0; 3] && theirs == 1.0 => {}
             Some(theirs) if self.info.scale == [1.0; 3] && near(theirs, ours) => {}
             Some(theirs) => verdict.fail(format!(

@@ -184,8 +184,11 @@ fn judge_system(
     }
     let [ours, theirs] = original.told_apart(own);
     match (own.is_named(), original.is_named()) {
-        (true, true) if format != ALWAYS_WGS84 => verdict
+        (true, true) if format != ALWAYS_WGS84 && original.is_surely_another(own) => verdict
             .fail(format!("the CRS of the lines is {theirs}, and that of the original is {ours}")),
+        (true, true) if format != ALWAYS_WGS84 => verdict.leave(format!(
+            "whether the CRS of the lines, {theirs}, is that of the original, {ours}"
+        )),
         (true, true) => verdict.leave(format!(
             "the CRS of the original, {ours}: coordinates of {format} are always on WGS 84"
         )),

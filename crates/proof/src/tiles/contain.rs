@@ -127,13 +127,14 @@ pub fn tight(
     let up = scaled(middle, shrunk);
     let far = length(tile.horizon);
     let apart = length(cross(tile.horizon, up)) / (far * length(up));
-    let needed = positions
-        .iter()
-        .flat_map(|&at| [0.0, shrunk].map(|by| least(tile.horizon, scaled(at, by), ALWAYS)))
-        .fold(1.0, f64::max);
+    let needed = |lift: f64| {
+        let both = positions.iter().flat_map(|&at| [0.0, shrunk].map(|by| scaled(at, by)));
+        both.map(|at| least(tile.horizon, lifted(at, lift), ALWAYS)).fold(1.0, f64::max)
+    };
     let is_there = apart < OF_HORIZON
         && dot(tile.horizon, up) > 0.0
-        && (far / needed - 1.0).abs() < OF_HORIZON;
+        && far > needed(-SLACK) * (1.0 - OF_HORIZON)
+        && far < needed(SLACK) * (1.0 + OF_HORIZON);
     faults.add(Fault::FarHorizon, u64::from(!is_there), id);
     radius
 }
@@ -171,9 +172,15 @@ fn scaled([x, y, z]: Vector, by: f64) -> Vector {
     [x / (A + by), y / (A + by), z / (B + by)]
 }
 
+/// A place so many metres higher. The angle to the horizon goes with the root of the height, so what rounding does
+/// to heights near zero is many times as much there.
+fn lifted(at: Vector, by: f64) -> Vector {
+    at.map(|axis| axis * (1.0 + by / B))
+}
+
 /// True when `vertex` may be seen where `point` is not.
 fn is_seen(point: Vector, vertex: Vector) -> bool {
-    let (far, least) = (length(point), least(point, vertex, FAR));
+    let (far, least) = (length(point), least(point, lifted(vertex, -SLACK), FAR));
     far.is_nan() || least.is_nan() || far < least * (1.0 - ROUNDING)
 }
 

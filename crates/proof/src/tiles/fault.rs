@@ -106,11 +106,12 @@ faults! {
     Below Index "tiles that name others below them than there are";
     Bounds Index "layer.json has bounds that do not hold all samples";
     LooseBounds Index "layer.json has bounds that reach beyond the raster";
+    OtherHeights Index "layer.json says that heights are counted from something else";
     BeyondWorld Index "layer.json has bounds beyond the world";
     Assumed Index "levels with a larger tolerance than clients assume, and than their samples need";
     Avoidable Index "levels further off than clients assume, though positions tell their samples apart";
     OtherError Index "levels that state a larger error than any of their tiles records";
-    FineStep Index "levels that state a finer step of heights than such a level has";
+    OtherStep Index "levels that state another step of heights than such a level has";
     Counts Index "levels with another number of tiles than layer.json states";
     Unannounced Index "tiles with normals, metadata or a mask that layer.json does not name among its extensions";
     Mixed Index "tiles that are packed where most are not, or are not where most are";

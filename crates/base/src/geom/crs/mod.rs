@@ -235,6 +235,21 @@ impl Crs {
             }
     }
 
+    /// Whether two systems are known to be different ones: by their codes, or by the numbers of their definitions.
+    /// Names that are spelled in another way tell nothing.
+    pub fn is_surely_another(&self, other: &Self) -> bool {
+        let (mine, theirs) = (self.parts(), other.parts());
+        let is_another = match (self.epsg, other.epsg, &mine.0, &theirs.0) {
+            (Some(a), Some(b), ..) => a != b,
+            (_, _, Some(a), Some(b)) => {
+                std::mem::discriminant(a) != std::mem::discriminant(b) || a.contradicts(b)
+            }
+            _ => false,
+        };
+        let heights = (self.vertical_epsg, other.vertical_epsg);
+        is_another || matches!(heights, (Some(a), Some(b)) if a != b)
+    }
+
     /// The same in what the files say, where it is not known what that means.
     fn says_the_same(&self, other: &Self) -> bool {
         if !self.geo_keys.is_empty() && !other.geo_keys.is_empty() {

@@ -1,6 +1,6 @@
 //! The features of simplified lines beside those they were made from.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::path::Path;
 
 use super::LineVerifyJob;
@@ -337,19 +337,50 @@ impl<'a> Partners<'a> {
     }
 
     fn by_vertices(&mut self, having: &Having, with_stamp: bool) {
-        for (number, feature) in self.after.iter().enumerate() {
-            let first = feature.vertices().next().filter(|_| !self.made[number]);
-            let Some(near) = first.and_then(|first| having.get(&key(first))) else { continue };
-            let is_own = |old: &&usize| {
-                let before = &self.before[**old];
-                self.of[**old].is_none()
-                    && (!with_stamp || before.stamp == feature.stamp)
-                    && beside(before, feature).fits
-            };
-            if let Some(&old) = near.iter().find(is_own) {
-                (self.of[old], self.made[number]) = (Some(number), true);
+        for number in 0..self.after.len() {
+            if !self.made[number] {
+                self.made[number] = self.pair(number, having, with_stamp, &mut HashSet::new());
             }
         }
+    }
+
+    /// Finds the feature that one was made from. Where all that fit are taken, one of those that took them goes on
+    /// to another that fits it, too (Berge 1957): a short line has its vertices in many a longer one.
+    fn pair(
+        &mut self,
+        number: usize,
+        having: &Having,
+        with_stamp: bool,
+        tried: &mut HashSet<usize>,
+    ) -> bool {
+        let (before, after) = (self.before, self.after);
+        let feature = &after[number];
+        let first = feature.vertices().next();
+        let Some(near) = first.and_then(|first| having.get(&key(first))) else { return false };
+        for is_taken in [false, true] {
+            for &old in near {
+                if tried.len() >= MOST_TRIED {
+                    return false;
+                }
+                let is_known = self.of[old].is_some() != is_taken || tried.contains(&old);
+                let is_other = with_stamp && before[old].stamp != feature.stamp;
+                if is_known || is_other || !beside(&before[old], feature).fits {
+                    continue;
+                }
+                tried.insert(old);
+                let is_free = match self.of[old] {
+                    None => true,
+                    // One that was found by its values, too, stays.
+                    Some(other) if !with_stamp && before[old].stamp == after[other].stamp => false,
+                    Some(other) => self.pair(other, having, with_stamp, tried),
+                };
+                if is_free {
+                    self.of[old] = Some(number);
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     fn by_facts(&mut self, stamped: &mut Stamped<'a>, is_alike: bool) {
@@ -365,6 +396,9 @@ impl<'a> Partners<'a> {
         }
     }
 }
+
+/// Features that are tried for one, at the most.
+const MOST_TRIED: usize = 256;
 
 /// The features that have a vertex at a position.
 type Having = HashMap<[u64; 2], Vec<usize>>;

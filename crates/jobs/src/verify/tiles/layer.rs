@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::room::Room;
 use super::three::{self, Three};
 use crate::Cancel;
-use crate::tiles::WITH_GEOID;
+use crate::tiles::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, TileId};
@@ -235,7 +235,7 @@ impl Stored {
         let beyond = self.terrane.as_ref().and_then(|own| own.beyond.as_deref());
         let tapers = check_beyond(beyond)?;
         let heights = self.terrane.as_ref().and_then(|own| own.heights.as_deref());
-        let has_geoid = heights.map(|heights| heights == WITH_GEOID);
+        let has_geoid = check_heights(heights)?;
         let levels = self.terrane.map(|own| check_levels(own.levels, finest)).transpose()?;
         if self.told_every == Some(0) {
             return Err(Error::bad_input("has tiles tell of what is below them every 0 levels"));
@@ -312,6 +312,21 @@ pub(super) fn check_beyond(beyond: Option<&str>) -> Result<bool> {
             let message = format!("states {other:?} of the ground beyond the raster");
             Err(Error::unsupported(message).remedy("taper and level are known"))
         }
+    }
+}
+
+/// Whether a geoid was added to the heights, of what a set says that they are counted from.
+///
+/// # Errors
+/// Another word than terrane has for it.
+pub(super) fn check_heights(heights: Option<&str>) -> Result<Option<bool>> {
+    let known = [WITH_GEOID, ON_ELLIPSOID, AS_GIVEN];
+    match heights {
+        Some(other) if !known.contains(&other) => {
+            let message = format!("states {other:?} of what heights are counted from");
+            Err(Error::unsupported(message).remedy(format!("known are: {}", known.join("; "))))
+        }
+        _ => Ok(heights.map(|heights| heights == WITH_GEOID)),
     }
 }
 

@@ -30,6 +30,8 @@ const UNREADABLE: &str = "tiles that cannot be read";
 const MANY: u64 = 1 << 17;
 /// Parts of the range of heights that a step of heights is at the most, in tiles with all of that range.
 const STEPS: f64 = 8192.0;
+/// Steps of heights from zero to the highest place, at least, where single precision asks for larger steps.
+const HIGHEST: f64 = 2e6;
 
 /// What was found. Distances and heights are in metres; tiles are "level/column/row".
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -280,7 +282,8 @@ impl Judge<'_> {
         };
         faults.add(Fault::Bounds, u64::from(!layer.bounds.is_some_and(holds)), None);
         let spacing = self.context.places.spacing();
-        let slack = DEGREES + spacing * spacing;
+        // Of one sample the bounds are widened, so that they have an area.
+        let slack = if spacing > 0.0 { DEGREES + spacing * spacing } else { 1e-8 };
         let is_loose = |told: [f64; 4], whole: [f64; 4]| {
             let far =
                 [whole[0] - told[0], whole[1] - told[1], told[2] - whole[2], told[3] - whole[3]];
@@ -289,6 +292,7 @@ impl Judge<'_> {
         let both = layer.bounds.zip(self.found.sweep.whole).filter(|_| layer.levels.is_some());
         let is_off = both.is_some_and(|(told, whole)| is_loose(told, whole));
         faults.add(Fault::LooseBounds, u64::from(is_off), None);
+        faults.add(Fault::OtherHeights, u64::from(self.has_other_heights()), None);
         let is_beyond = |[west, south, east, north]: [f64; 4]| {
             west < -180.0 || south < -90.0 || east > 180.0 || north > 90.0
         };
@@ -380,13 +384,29 @@ impl Judge<'_> {
             let recorded = self.recorded(found.level);
             let is_other = recorded.is_some_and(|recorded| own.error > recorded + ROUNDING);
             faults.add(Fault::OtherError, u64::from(is_other), id.copied());
-            let is_fine = own.step < assumed / FINEST;
-            faults.add(Fault::FineStep, u64::from(is_fine), id.copied());
+            let is_other = own.step < assumed / FINEST || own.step > self.coarsest(assumed, own);
+            faults.add(Fault::OtherStep, u64::from(is_other), id.copied());
             let allowed = self.context.assumed_gap(found.level) - ROUNDING;
             let is_short = own.skirt.is_some_and(|skirt| skirt < allowed);
             faults.add(Fault::SkirtShort, u64::from(is_short), id.copied());
             faults.add(Fault::Counts, u64::from(own.tiles != found.tiles), id.copied());
         }
+    }
+
+    /// Whether a geoid was added to the heights of the tiles, or to those of the raster, alone.
+    fn has_other_heights(&self) -> bool {
+        let has_geoid = self.context.places.has_geoid();
+        self.context.layer.has_geoid.is_some_and(|said| said != has_geoid)
+    }
+
+    /// The largest step of heights that a level needs: of what clients assume, of the heights that have to be told
+    /// apart in a tile, of the highest in single precision, and of a lattice.
+    fn coarsest(&self, assumed: f64, own: layer::Level) -> f64 {
+        let [low, high] = self.reach();
+        let (low, high) = (low.min(0.0), high.max(0.0));
+        let of_range = ((high - low) / STEPS).max(high.max(-low) / HIGHEST);
+        (2.0 * assumed / FINEST).max(of_range).max(4.0 * own.lattice.unwrap_or_default())
+            * (1.0 + SHARE)
     }
 
     /// The largest error that a tile of a level records, where all of them can be read.
@@ -477,7 +497,7 @@ impl Judge<'_> {
         let of_water =
             "tiles tell of water, which is level in them: pass --water with the file of it";
         let has_geoid = self.context.places.has_geoid();
-        let is_other = self.context.layer.has_geoid.is_some_and(|said| said != has_geoid);
+        let is_other = self.has_other_heights();
         let of_geoid = match has_geoid {
             true => "the tiles say that no geoid was added to their heights: leave --geoid out",
             false => "the tiles say that a geoid was added to their heights: pass --geoid",

@@ -7,10 +7,9 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::folder::{self, Tiles, entries, number};
-use super::layer::{Kind, Layer, Level, Range, check_beyond, check_levels, text_of};
+use super::layer::{Kind, Layer, Level, Range, check_beyond, check_heights, check_levels, text_of};
 use super::room::Room;
 use crate::Cancel;
-use crate::tiles::WITH_GEOID;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{
@@ -179,7 +178,7 @@ impl Stored {
             levels: Some(levels),
             assumed: ERROR_OF_ROOT,
             tapers: check_beyond(own.beyond.as_deref()).map_err(of_file)?,
-            has_geoid: own.heights.map(|heights| heights == WITH_GEOID),
+            has_geoid: check_heights(own.heights.as_deref()).map_err(of_file)?,
             unknown: Vec::new(),
             kind: Kind::ThreeTiles(three),
         })
