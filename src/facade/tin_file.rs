@@ -16,7 +16,7 @@ impl Tin {
     /// Writes it into a new file, whole or not at all, in the format that its ending stands for, and returns
     /// the size of the file in bytes. GLB, STL and 3MF have 32 bits for a height: where rounding takes heights
     /// beyond the tolerance, the file states the [bound](Self::tolerance_in) that holds of it
-    /// ([`TinBuilder::write`] rounds first, and keeps the tolerance).
+    /// ([`TinBuilder::write`](crate::TinBuilder::write) rounds first, and keeps the tolerance).
     ///
     /// # Errors
     /// A file that exists or cannot be written; an unknown ending; a mesh that is larger or smaller than the format
