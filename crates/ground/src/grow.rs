@@ -89,29 +89,39 @@ impl Growing {
     /// Whether the point of a cell lies on the plane through the ground beside it.
     fn goes_on(&self, at: usize) -> bool {
         let Some(Plane { height, slope, stray }) = self.plane(at) else { return false };
+        let slope = slope[0].hypot(slope[1]);
         let near = NEAR + BY_SLOPE * slope + stray.min(MOST_STRAY);
         slope <= STEEPEST && -height <= near && height <= near.max(BELOW)
     }
 }
 
 /// A plane through points: its height at the origin, its slope, and how far the points stray from it.
-struct Plane {
-    height: f64,
-    slope: f64,
-    stray: f64,
+pub(crate) struct Plane {
+    pub(crate) height: f64,
+    slope: [f64; 2],
+    pub(crate) stray: f64,
+}
+
+impl Plane {
+    pub(crate) const LEVEL: Self = Self { height: 0.0, slope: [0.0; 2], stray: 0.0 };
+
+    /// How far above it a point is.
+    pub(crate) fn above(&self, [x, y, z]: [f64; 3]) -> f64 {
+        z - self.height - self.slope[0] * x - self.slope[1] * y
+    }
 }
 
 /// Sums over points.
 #[derive(Default)]
-struct Sums {
-    count: usize,
+pub(crate) struct Sums {
+    pub(crate) count: usize,
     first: [f64; 3],
     /// Of x x, x y, y y, x z, y z, z z.
     second: [f64; 6],
 }
 
 impl Sums {
-    fn add(&mut self, [x, y, z]: [f64; 3]) {
+    pub(crate) fn add(&mut self, [x, y, z]: [f64; 3]) {
         self.count += 1;
         self.first.iter_mut().zip([x, y, z]).for_each(|(sum, v)| *sum += v);
         let products = [x * x, x * y, y * y, x * z, y * z, z * z];
@@ -119,7 +129,7 @@ impl Sums {
     }
 
     /// The plane with the least squares; `None` of few points, or such that lie on a line.
-    fn plane(&self) -> Option<Plane> {
+    pub(crate) fn plane(&self) -> Option<Plane> {
         let count = (self.count >= FEWEST).then_some(self.count as f64)?;
         let [x, y, z] = self.first.map(|sum| sum / count);
         let centred = |k: usize, a: f64, b: f64| self.second[k] - count * a * b;
@@ -133,7 +143,7 @@ impl Sums {
         let left = (zz - east * xz - north * yz).max(0.0);
         Some(Plane {
             height: z - east * x - north * y,
-            slope: (east * east + north * north).sqrt(),
+            slope: [east, north],
             stray: (left / (count - 3.0)).sqrt(),
         })
     }

@@ -165,6 +165,25 @@ mod tests {
     }
 
     #[test]
+    fn ground_that_a_cell_of_a_hundred_sees_is_found_under_crowns() {
+        let hash = |col: usize, row: usize| {
+            let bits = crate::landscapes::mixed((col as u64) << 32 | row as u64);
+            (bits % 1000, (bits >> 32) as f64 / 2.0_f64.powi(32))
+        };
+        let is_seen = |col: usize, row: usize| hash(col, row).0 < 8;
+        let on = |col: usize, row: usize| match hash(col, row) {
+            (0..8, _) => 0.0,
+            (_, share) => 8.0 + 9.0 * share,
+        };
+        // The others open what they see by windows that are full of crowns.
+        for method in ["adaptive", "csf", "ptd"] {
+            let kept = kept(method, on);
+            let seen = kept.iter().filter(|(col, row)| is_seen(*col, *row)).count();
+            assert!(seen > 120 && seen == kept.len(), "{method}: {seen} of {}", kept.len());
+        }
+    }
+
+    #[test]
     fn a_roof_that_a_cloth_lies_down_on_is_no_ground_of_both() {
         let is_roof = |col: usize, row: usize| (30..96).contains(&col) && (30..96).contains(&row);
         let on = |col, row| if is_roof(col, row) { 8.0 } else { 0.0 };

@@ -4,8 +4,12 @@
 //! near by and further away. On a slope of any steepness, and along a ditch or a valley, some chord is as low as the
 //! point; in a dense forest the ground seen through one gap is as low as that seen through others. A low outlier
 //! lies below every chord, at every scale. Blocks are so far away that a clump of outliers has none to itself.
+//!
+//! Through the densest crowns so few cells see the ground that chords between them are rare, and all of it looks like
+//! outliers. But outliers lie at any depth, and ground goes on: a point that lies with many others on a plane stays.
 
 use crate::grid::slid;
+use crate::grow::{Plane, Sums};
 use crate::lows::{EMPTY, Lows, NO_POINT};
 use terrane_base::geom::Point;
 
@@ -26,12 +30,21 @@ const DEPTH_OF_CELL: f64 = 0.5;
 /// Most square metres of a clump of outliers, in cells which lie no more than so many from each other; and most cells.
 const CLUMP: usize = 9;
 const BESIDE: usize = 3;
+/// Half the sides, in cells, of the squares in which left out points may lie on one plane.
+const VIEWS: [usize; 3] = [14, 24, 38];
+/// Fewest clumps on a plane, times that those far from it are let go, what is far (of the median, and in metres at
+/// least), and how far in metres those on it may stray.
+const FEWEST: usize = 8;
+const TRIMS: usize = 4;
+const FAR: (f64, f64) = (2.0, 0.5);
+const STRAY: f64 = 1.5;
 /// Cells around one that decide whether its point is an outlier.
-pub(crate) const REACH: usize = PASSES * (28 + 7 * BLOCK / 2 + 1);
+pub(crate) const REACH: usize = PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2];
 
 /// The lowest points without low outliers: their cells are empty.
 pub(crate) fn without_outliers(lows: &Lows<'_>) -> Vec<Point> {
     let mut points = lows.points.to_vec();
+    let mut left_out = Vec::new();
     for _ in 0..PASSES {
         let heights: Vec<i32> = points.iter().map(|p| p.z).collect();
         let blocks = Blocks::new(&heights, lows.width);
@@ -48,8 +61,57 @@ pub(crate) fn without_outliers(lows: &Lows<'_>) -> Vec<Point> {
         if outliers.is_empty() {
             break;
         }
+        left_out.extend(outliers);
+    }
+    left_out.sort_unstable();
+    for &at in left_out.iter().filter(|at| goes_on(lows, &left_out, **at)) {
+        points[at] = lows.points[at];
     }
     points
+}
+
+/// Whether a left out point lies on a plane with many others that were left out.
+fn goes_on(lows: &Lows<'_>, left_out: &[usize], at: usize) -> bool {
+    let away = |other: usize, from: usize| {
+        let apart = |a: usize, b: usize| a.abs_diff(b);
+        apart(other % lows.width, from % lows.width)
+            .max(apart(other / lows.width, from / lows.width))
+    };
+    VIEWS.iter().any(|&view| {
+        let first = left_out.partition_point(|other| other / lows.width + view < at / lows.width);
+        let rows =
+            left_out[first..].iter().take_while(|k| **k / lows.width <= at / lows.width + view);
+        let mut clumps = vec![at];
+        for &other in rows.filter(|other| away(**other, at) <= view) {
+            if clumps.iter().all(|&clump| away(other, clump) > BESIDE) {
+                clumps.push(other);
+            }
+        }
+        lie_on_one_plane(lows, at, &clumps[1..])
+    })
+}
+
+/// Whether most of the others lie on one plane, and this point as well.
+fn lie_on_one_plane(lows: &Lows<'_>, at: usize, others: &[usize]) -> bool {
+    let Some([x, y, z]) = lows.metres(at) else { return false };
+    let others: Vec<[f64; 3]> = others.iter().filter_map(|&other| lows.metres(other)).collect();
+    let others: Vec<[f64; 3]> =
+        others.into_iter().map(|[east, north, up]| [east - x, north - y, up - z]).collect();
+    let mut far = f64::INFINITY;
+    let mut plane = Plane::LEVEL;
+    for _ in 0..=TRIMS {
+        let mut sums = Sums::default();
+        others.iter().filter(|p| plane.above(**p).abs() <= far).for_each(|p| sums.add(*p));
+        if sums.count < FEWEST {
+            return false;
+        }
+        let Some(next) = sums.plane() else { return false };
+        plane = next;
+        let mut away: Vec<f64> = others.iter().map(|p| plane.above(*p).abs()).collect();
+        let half = away.len() / 2;
+        far = FAR.1.max(FAR.0 * *away.select_nth_unstable_by(half, f64::total_cmp).1);
+    }
+    plane.stray <= STRAY && plane.height.abs() <= far
 }
 
 /// How many cells beside one, and itself, are no higher than this: those at the corner of a pit are more than a clump.
@@ -137,6 +199,7 @@ impl Blocks {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::landscapes::mixed;
 
     const WIDTH: usize = 150;
 
@@ -206,6 +269,35 @@ mod tests {
         };
         let lost = left_out(WIDTH, WIDTH, crowns);
         assert!(lost.len() < 20, "{lost:?}");
+    }
+
+    /// Through the densest crowns a few cells of a thousand see the ground, and a clump of outliers is no ground there.
+    #[test]
+    fn ground_seen_by_few_cells_of_a_thousand_is_kept() {
+        let hills =
+            |col: usize, row: usize| 4.0 * (col as f64 / 19.0).sin() * (row as f64 / 23.0).cos();
+        let deep = [[40, 50], [41, 50], [41, 51], [110, 100], [70, 130]];
+        let dice = |[col, row]: [usize; 2]| {
+            let bits = mixed((col as u64) << 32 | row as u64);
+            (bits % 1000, (bits >> 32) as f64 / 2.0_f64.powi(32))
+        };
+        let reliefs: [(&dyn Fn(usize, usize) -> f64, _); 2] =
+            [(&slope, [0.8, 0.9, 0.9]), (&hills, [0.5, 0.8, 0.9])];
+        for (relief, least) in reliefs {
+            for (few, least) in [4, 8, 15].into_iter().zip(least) {
+                let above = |at: [usize; 2]| match dice(at) {
+                    _ if deep.contains(&at) => -0.2 * at[0] as f64,
+                    (seen, _) if seen < few => 0.0,
+                    (_, share) => 8.0 + 9.0 * share,
+                };
+                let lost = left_out(WIDTH, WIDTH, |col, row| relief(col, row) + above([col, row]));
+                let ground = (0..WIDTH * WIDTH).filter(|k| above([k % WIDTH, k / WIDTH]) == 0.0);
+                let part = lost.iter().filter(|at| above(**at) == 0.0).count() as f64
+                    / ground.count() as f64;
+                assert!(1.0 - part >= least, "{few}: {part} is lost");
+                assert!(deep.iter().all(|at| lost.contains(at)), "{few}");
+            }
+        }
     }
 
     #[test]
