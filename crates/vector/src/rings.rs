@@ -320,6 +320,36 @@ mod tests {
         assert_eq!(polygons(&[(o, 4.0, true), (o, 4.0, true)]), [[4.0], [4.0]]);
     }
 
+    /// A ring that fills a hole is an island in it, wherever it begins and in whatever order they come.
+    #[test]
+    fn a_hole_that_is_filled_holds_an_island() {
+        for (order, first, from) in orders_and_starts() {
+            let mut rings = vec![(8.0, true, 0), (4.0, false, 0), (4.0, true, first)];
+            let last = rings.remove(order % 3);
+            rings.rotate_left(order / 3);
+            rings.push(last);
+            let mut all = Coordinates::default();
+            for (reach, clockwise, first) in rings {
+                let mut one = Coordinates::default();
+                square(&mut one, from, reach, clockwise);
+                (0..5).for_each(|k| all.push(one.xy[(first + k) % 4], None, None));
+                all.end_part();
+            }
+            let grouped = group(all).unwrap();
+            let size = |xy: &[[f64; 2]]| (area(xy).abs() / 2.0).round();
+            let mut found: Vec<Vec<f64>> =
+                grouped.polygons().map(|rings| rings.map(|part| size(part.xy)).collect()).collect();
+            found.sort_by_key(|rings| std::cmp::Reverse(rings.len()));
+            assert_eq!(found, [vec![256.0, 64.0], vec![64.0]], "{order} {first} {from:?}");
+        }
+    }
+
+    /// Orders of three rings, corners of four to begin with, and places.
+    fn orders_and_starts() -> impl Iterator<Item = (usize, usize, [f64; 2])> {
+        let places = [[0.0, 0.0], [1e6 / 3.0, 5e6 / 7.0]];
+        (0..48).map(move |k| (k % 6, k / 6 % 4, places[k / 24]))
+    }
+
     #[test]
     fn a_hole_may_touch_its_outer_ring() {
         let found = polygons(&[

@@ -16,7 +16,7 @@ use crate::cli::shared::many::Kind;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, points, report, say, text};
-use crate::cloud::is_cloud;
+use crate::cloud::{Filter, is_cloud};
 use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::input::{self, Surface};
 use crate::jobs::sift::{Sifted, Skipped};
@@ -38,7 +38,7 @@ pub(crate) struct Args {
     mosaic: bool,
     /// Read all samples: share of valid ones, lowest, highest and mean height; of a cloud all points:
     /// counts by class and return, bounds found, a histogram of heights (features are read to the end in any
-    /// case)
+    /// case, and points where some are chosen, as by --class)
     #[arg(long)]
     stats: bool,
     /// The object of TopoJSON files to tell about [default: their first]
@@ -252,8 +252,9 @@ fn describe_cloud(
     files.iter().try_for_each(|file| args.grid.refuse(file, "a point cloud"))?;
     let (resources, told) = (args.machine.resources(), told(files));
     let at = (files, told.as_str());
-    let asked = (args.stats, &args.picture);
     let options = args.many.reading(args.cloud.open_options(&resources)?);
+    // What is said of the points that were chosen only their counts tell.
+    let asked = (args.stats || options.filter != Filter::default(), &args.picture);
     let facts = cloud::describe(at, options, asked, &resources, (progress, cancel))?;
     Ok(Facts::Cloud(Box::new(facts)))
 }
