@@ -132,6 +132,45 @@ fn steep_grounds_are_written_at_the_default_level() {
     }
 }
 
+/// A cliff where two blocks of samples meet that are looked at from afar, so high that positions are rounded by more
+/// than the samples are apart.
+#[test]
+fn cliffs_of_any_height_are_written_packed_and_proved() {
+    let place = Place::new();
+    for (size, cell, height, foot) in [
+        ([32, 17], 0.25, 5000.0, 16),
+        ([17, 33], 0.1, 5000.0, 16),
+        ([40, 5], 0.1, 2000.0, 16),
+        ([9, 9], 1.0, 900.0, 4),
+    ] {
+        plain(&place, size, [499_000.3, 4_738_000.7, cell], |col, row| {
+            200.0
+                + if col < foot { 0.0 } else { height }
+                + (noise(col + 40 * row, 3) * 30.0).round() / 100.0
+        });
+        place.write("g.prj", "EPSG:32631");
+        proved(&place, &["--meshopt"]);
+    }
+}
+
+/// The last column is a hair from the meridian, which is the border of all tiles there, and of none beyond it.
+#[test]
+fn grounds_beside_180_degrees_are_written_and_proved() {
+    let place = Place::new();
+    for (system, east, south) in [
+        ("EPSG:32760", 819_450.4, 8_117_998.0),
+        ("EPSG:2193", 2_223_252.5, 5_882_149.0),
+        ("EPSG:3460", 2_133_069.0, 3_999_571.0),
+    ] {
+        for (size, cell) in [([5, 17], 0.5), ([21, 9], 5.0), ([3, 3], 30.0)] {
+            let at = [east - cell * (size[0] + 1) as f64 - 1.0, south, cell];
+            let (relief, share, voids, seed) = (30.0, 0.3, 0.1, 8);
+            Rough { size, system, at, relief, share, voids, seed }.write(&place);
+            proved(&place, &[]);
+        }
+    }
+}
+
 /// What a sample and its neighbours differ by is more than two bytes can place: the level says what it can hold.
 #[test]
 fn white_noise_is_written_and_levels_state_what_they_hold() {

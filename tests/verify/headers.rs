@@ -84,7 +84,7 @@ const STATEMENTS: [Wrong; 38] = [
 ];
 
 /// Fields that formats have beside their comments.
-const OF_FORMATS: [(&str, Wrong); 19] = [
+const OF_FORMATS: [(&str, Wrong); 22] = [
     ("LandXML", (&PLAIN, "linearUnit=\"meter\"", "linearUnit=\"foot\"", 1, "its unit is foot")),
     ("LandXML", (&PLAIN, "linearUnit=\"meter\"", "linearUnit=\"rod\"", 3, "its unit is rod")),
     ("LandXML", (&PLAIN, "epsgCode=\"32631\"", "epsgCode=\"32632\"", 1, "EPSG:32632")),
@@ -100,6 +100,9 @@ const OF_FORMATS: [(&str, Wrong); 19] = [
     ("3MF", (&PLAIN, "type=\"surface\"", "type=\"model\"", 65, "solid")),
     ("GLB", (&PLAIN, "\"origin\":[5", "\"origin\":[6", 1, "not covered by the mesh")),
     ("GLB", (&PLAIN, "\"origin\":[5", "\"centre\":[5", 1, "not covered by the mesh")),
+    ("GLB", (&PLAIN, "\"max\":[", "\"max\":[1", 1, "the mesh states that it lies from")),
+    ("GLB", (&PLAIN, "\"min\":[-", "\"min\":[-1", 1, "the mesh states that it lies from")),
+    ("GLB-meshopt", (&PLAIN, "\"max\":[", "\"max\":[1", 1, "the mesh states that it lies from")),
     ("GLB-meshopt", (&PLAIN, "\"origin\":[5", "\"origin\":[6", 1, "not covered by the mesh")),
     ("STL", (&PLAIN, "origin 5", "origin 6", 1, "not covered by the mesh")),
     ("STL", (&PLAIN, "origin 5", "centre 5", 1, "not covered by the mesh")),

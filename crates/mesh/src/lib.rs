@@ -168,6 +168,11 @@ pub trait MeshSource: Send + Sync {
     fn read_channels(&self, first: u64, _out: &mut [f64]) -> Result<()> {
         Err(Error::usage(format!("vertex {first} has no channels")))
     }
+
+    /// The least and the greatest coordinates of vertices, in world coordinates, where the file states them.
+    fn stated_bounds(&self) -> Option<[Point3; 2]> {
+        None
+    }
 }
 
 /// What a mesh file says of itself.

@@ -326,6 +326,8 @@ impl<'a> Work<'a> {
         let mut made = writer.write(pieces, sink, progress, cancel)?;
         let operation = self.operation.as_deref();
         made.notes.extend(raster::cautions(info));
+        let drawn = made.lowest.zip(made.highest).map(|(lowest, highest)| [lowest, highest]);
+        made.notes.extend(drawn.and_then(|range| raster::no_terrain(info, range)));
         made.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
         let run = Figures {
             threads: self.budget.threads,

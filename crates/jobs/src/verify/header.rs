@@ -5,10 +5,12 @@ use std::path::Path;
 
 use super::found::Verdict;
 use super::statements::{BANDS, Statements};
+use crate::input::mesh_bounds;
 use crate::tin::vertical_unit;
+use crate::{Cancel, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, metres_in, wkt};
-use terrane_mesh::{MeshInfo, plain};
+use terrane_mesh::{MeshInfo, MeshSource, plain};
 
 /// A header to be judged.
 pub(super) struct Header<'a> {
@@ -20,6 +22,26 @@ pub(super) struct Header<'a> {
     pub(super) crs: &'a Crs,
     /// What the original is: "grid" or "cloud".
     pub(super) original: &'static str,
+}
+
+/// Fails a mesh whose vertices do not fill the box that its file states, and that viewers believe.
+///
+/// # Errors
+/// As [`mesh_bounds`].
+pub(super) fn judge_bounds(
+    mesh: &dyn MeshSource,
+    verdict: &mut Verdict,
+    (progress, cancel): (&dyn Progress, &Cancel),
+) -> Result<()> {
+    let Some(stated) = mesh.stated_bounds() else { return Ok(()) };
+    match mesh_bounds(mesh, progress, cancel)? {
+        Some(found) if found != stated => verdict.fail(format!(
+            "the mesh states that it lies from {:?} to {:?}, and it lies from {:?} to {:?}",
+            stated[0], stated[1], found[0], found[1]
+        )),
+        _ => {}
+    }
+    Ok(())
 }
 
 impl Header<'_> {

@@ -23,7 +23,7 @@ use std::time::Instant;
 
 use bytemuck::Pod;
 
-use self::header::Header;
+use self::header::{Header, judge_bounds};
 use self::statements::{
     BANDS, CLIP, HEIGHTS, KEPT, LINES, Statements, TRANSFORMED, WATER, WEIGHTS,
 };
@@ -97,6 +97,7 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let header =
         Header { mesh: &job.mesh, info: mesh.info(), stated: &stated, crs: &crs, original: "grid" };
     header.judge(&mut report.verdict)?;
+    judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
     tell_of_files(&stated, job, &mut report.verdict);
     let mesh = job.mesh.display().to_string();
     let of = OfGrid { raster: job.raster.to_string(), ..report.of };

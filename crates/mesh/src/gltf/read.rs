@@ -92,6 +92,8 @@ struct Accessor {
     count: u64,
     #[serde(rename = "type")]
     shape: String,
+    min: Option<Vec<f64>>,
+    max: Option<Vec<f64>>,
     sparse: Option<serde::de::IgnoredAny>,
 }
 
@@ -138,6 +140,8 @@ enum Place {
 pub(super) struct GlbSource {
     input: Input,
     positions: Option<Span>,
+    /// The least and the greatest of them, as the file states.
+    bounds: Option<[Point3; 2]>,
     /// `None` when every three vertices are a triangle, or when there is none.
     indices: Option<Span>,
     /// Colours in f32.
@@ -156,6 +160,7 @@ impl GlbSource {
         let layout = Layout { input: &input, document: &document, data };
         let primitive = layout.primitive()?;
         let positions = primitive.map(|p| layout.positions(p)).transpose()?;
+        let bounds = primitive.and_then(|p| document.accessors[p.attributes.position?].bounds());
         let indices = primitive.and_then(|p| p.indices.map(|at| layout.indices(at))).transpose()?;
         let vertices = positions.as_ref().map_or(0, |span| span.count);
         let is_points = primitive.is_some_and(|p| p.mode == POINTS);
@@ -176,7 +181,7 @@ impl GlbSource {
             let comments: Vec<String> = comments.map(|(_, text)| text.clone()).collect();
             info.details.extend(facts(&info.channels, &comments));
         }
-        Ok(Self { input, positions, indices, colours, parts, light: linear(), info })
+        Ok(Self { input, positions, bounds, indices, colours, parts, light: linear(), info })
     }
 }
 
@@ -393,6 +398,14 @@ impl<'a> Layout<'a> {
     }
 }
 
+impl Accessor {
+    /// The corners of the box that positions are said to lie in, as they are stored.
+    fn bounds(&self) -> Option<[Point3; 2]> {
+        let corner = |of: &Option<Vec<f64>>| of.as_deref()?.try_into().ok();
+        Some([corner(&self.min)?, corner(&self.max)?])
+    }
+}
+
 impl Node {
     fn is_identity(&self) -> bool {
         let matrix = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
@@ -452,6 +465,14 @@ impl MeshSource for GlbSource {
             out[place] = to_world(to_z_up(local), self.info.origin, self.info.scale);
             check_position(first + place as u64, &out[place])
         })
+    }
+
+    fn stated_bounds(&self) -> Option<[Point3; 2]> {
+        // What is rounded to single precision is stored so.
+        let stored = self.bounds?.map(|corner| corner.map(|v| f64::from(v as f32)));
+        let [a, b] = stored.map(|at| to_world(to_z_up(at), self.info.origin, self.info.scale));
+        let both = |pick: fn(f64, f64) -> f64| std::array::from_fn(|i| pick(a[i], b[i]));
+        Some([both(f64::min), both(f64::max)])
     }
 
     fn read_channels(&self, first: u64, out: &mut [f64]) -> Result<()> {

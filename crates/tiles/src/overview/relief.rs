@@ -29,7 +29,7 @@ impl Overview {
     pub fn reliefs(&self, last: u8) -> Vec<Relief> {
         let ranges = self.ranges();
         let [low, high] = self.ends();
-        let jump = self.blocks.iter().map(|block| block.jump).fold(0.0, f64::max);
+        let jump = self.jump();
         let relief = |level: u8| Relief {
             reach: low.abs().max(high.abs()),
             range: self.range_of(level, &ranges).min(high - low),
@@ -38,6 +38,39 @@ impl Overview {
             jump,
         };
         (0..=last).map(relief).collect()
+    }
+
+    /// Metres between the heights of two samples beside each other, at the most: of two blocks what their planes are
+    /// sure of, so that no rough ground counts for a cliff.
+    fn jump(&self) -> f64 {
+        let [cols, rows] = self.plan.blocks.counts;
+        let all = (0..rows).flat_map(|row| (0..cols).map(move |col| [col, row]));
+        let of = |at: [u32; 2]| {
+            let [right, below] = [0, 1].map(|axis| self.jump_beside(at, axis));
+            self.block(at).jump.max(right).max(below)
+        };
+        all.map(of).fold(0.0, f64::max)
+    }
+
+    /// The same between a block and the next one along an axis; 0 where there is none.
+    fn jump_beside(&self, at: [u32; 2], axis: usize) -> f64 {
+        let mut next = at;
+        next[axis] += 1;
+        if next[axis] == self.plan.blocks.counts[axis] {
+            return 0.0;
+        }
+        let [block, beside] = [at, next].map(|at| self.block(at));
+        if block.count == 0 || beside.count == 0 {
+            return 0.0;
+        }
+        let rect = self.plan.blocks.rect(at);
+        let last = [rect.width - 1, rect.height - 1].map(f64::from);
+        let step = |along: f64| {
+            let [mut here, mut there] = [[along; 2], [along; 2]];
+            (here[axis], there[axis]) = (last[axis], 0.0);
+            (block.height(here) - beside.height(there)).abs()
+        };
+        step(0.0).max(step(last[1 - axis])) - block.off() - beside.off()
     }
 
     /// Metres between the heights of a tile, at the most.

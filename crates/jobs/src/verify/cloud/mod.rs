@@ -17,7 +17,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::header::Header;
+use super::header::{Header, judge_bounds};
 use super::statements::{CRS, KEPT, LINES, SOURCE, Statements, TOLERANCE, TRIANGULATION};
 use super::{Work, leave_files, open_mesh};
 use crate::kept::Features;
@@ -81,6 +81,7 @@ pub fn verify_cloud(
     let header =
         Header { mesh: &job.mesh, info: mesh.info(), stated: &stated, crs, original: "cloud" };
     header.judge(&mut report.verdict)?;
+    judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
     for statement in stated.of_others(&OF_CLOUDS) {
         report.verdict.leave(format!("the statement \"{statement}\", as no cloud keeps it"));
     }
