@@ -82,31 +82,26 @@ fn rough() -> impl Strategy<Value = Rough> {
     )
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(10) })]
+/// As many as a test has time for; `TERRANE_TILES_TEST` makes them more.
+fn sets([few, many]: [usize; 2]) -> usize {
+    if std::env::var_os("TERRANE_TILES_TEST").is_some() { many } else { few }
+}
 
-    #[test]
-    fn any_ground_is_written_and_proved(
-        rough in rough(),
-        options in prop::sample::select(vec![
-            &[][..], &["--meshopt"], &["--skirts"], &["--tile-edges", "--meshopt"], &["--beyond", "level"],
-        ]),
-    ) {
+#[test]
+fn any_ground_is_written_and_proved() {
+    let options = prop::sample::select(vec![
+        &[][..],
+        &["--meshopt"],
+        &["--skirts"],
+        &["--tile-edges", "--meshopt"],
+        &["--beyond", "level"],
+    ]);
+    let cases = sets([10, 400]) as u32;
+    let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(cases) };
+    proptest!(config, |(rough in rough(), options in options)| {
         let place = Place::new();
         rough.write(&place);
         proved(&place, options);
-    }
-}
-
-/// More of the same, for once: some minutes.
-#[test]
-#[ignore = "takes minutes: four hundred sets"]
-fn four_hundred_grounds_are_written_and_proved() {
-    let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) };
-    proptest!(config, |(rough in rough())| {
-        let place = Place::new();
-        rough.write(&place);
-        proved(&place, &[]);
     });
 }
 
@@ -197,9 +192,10 @@ fn white_noise_is_written_and_levels_state_what_they_hold() {
     assert!(levels.iter().filter(|l| l["level"] == 14).all(|level| !is_wider(&level)), "{made}");
 }
 
-/// The highest returns of synthetic clouds, in cells of half a metre.
-fn surfaces(count: usize) {
-    for number in 0..count {
+/// The highest returns of synthetic clouds, in cells of half a metre and more or less.
+#[test]
+fn surface_models_are_written_and_proved() {
+    for number in 0..sets([12, 200]) {
         let place = Place::new();
         let cloud = format!("cloud,size={},density=6,seed={}", 8 + number % 13, number + 1);
         place.ok(&["synth", &cloud, "c.laz", "-q"]);
@@ -210,17 +206,6 @@ fn surfaces(count: usize) {
         let ran = place.run(&["verify", "t", "g.tif"]);
         assert_eq!(ran.code, 0, "{cloud}, {cell} m: {}{}", ran.out, ran.err);
     }
-}
-
-#[test]
-fn surface_models_are_written_and_proved() {
-    surfaces(12);
-}
-
-#[test]
-#[ignore = "takes minutes: two hundred surface models"]
-fn two_hundred_surface_models_are_written_and_proved() {
-    surfaces(200);
 }
 
 /// Every name of a file is refused, of whatever format.

@@ -145,8 +145,10 @@ fn edited(bytes: &[u8], from: &str, to: &str, format: &str) -> Vec<u8> {
     let from = &match format {
         "LandXML" => from.replacen("crs ", "desc=\"", 1),
         "GLB" | "GLB-meshopt" => from.replacen("crs ", "\"crs\":\"", 1),
+        "STL" => from.replacen("triangulation data-dependent", "by any", 1),
         _ => from.to_owned(),
     };
+    let to = &if format == "STL" { to.replacen("triangulation ", "by ", 1) } else { to.to_owned() };
     let to = match (from.contains('"'), to.strip_prefix("crs ")) {
         (true, Some(system)) => from.split("EPSG").next().unwrap_or_default().to_owned() + system,
         _ => to.to_owned(),

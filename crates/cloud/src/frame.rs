@@ -25,9 +25,13 @@ impl Claim {
     pub(super) fn new(scale: [f64; 3], offset: [f64; 3], low: [f64; 3], high: [f64; 3]) -> Self {
         let offset = offset.map(|o| o + 0.0);
         let steps = |axis: usize, world: f64| (world - offset[axis]) / scale[axis];
+        // Bounds that tell steps apart no more hold for all that are rounded to them.
+        let slack = |axis: usize, world: f64| {
+            SLACK - f64::EPSILON * (world.abs() + offset[axis].abs()) / scale[axis]
+        };
         // Casts saturate: no point lies beyond what they can hold.
-        let low = std::array::from_fn(|i| (steps(i, low[i]) + SLACK).floor() as i32);
-        let high = std::array::from_fn(|i| (steps(i, high[i]) - SLACK).ceil() as i32);
+        let low = std::array::from_fn(|i| (steps(i, low[i]) + slack(i, low[i])).floor() as i32);
+        let high = std::array::from_fn(|i| (steps(i, high[i]) - slack(i, high[i])).ceil() as i32);
         Self { scale, offset, low, high }
     }
 
@@ -238,6 +242,17 @@ mod tests {
         assert_eq!(common.frame, Frame { scale: [0.01; 3], offset: [100.0; 3] });
         assert_eq!(common.maps, [Map::Shift([0; 3])]);
         assert_eq!((near.low, near.high), ([-10_000; 3], [40_000; 3]));
+    }
+
+    #[test]
+    fn bounds_hold_for_steps_that_are_rounded_to_them() {
+        for (scale, offset, raw) in
+            [(1e-16, 2000.0, 51_234), (1e-12, -3e6, -70_001), (1e-3, 5e5, 9)]
+        {
+            let only = f64::from(raw) * scale + offset;
+            assert!(claim(scale, offset, only, only).holds([raw; 3]), "{scale}");
+        }
+        assert!(!claim(1e-3, 5e5, 5e5, 5e5).holds([1; 3]));
     }
 
     #[test]

@@ -431,11 +431,12 @@ mod tests {
             found.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>()
         };
         assert_eq!(stated(""), [""; 0]);
-        let all = " max error 1.5 bound surface fitted heights min angle 20 triangulation x";
+        let all = " max error 1.5 bound surface fitted heights min angle 20 by x";
         let each =
             ["max error=1.5", "bound=surface", "fitted=heights", "min angle=20", "triangulation=x"];
         assert_eq!(stated(all), each);
         assert_eq!(stated(&format!(" scale 4 5 6{all}")), each);
+        assert_eq!(stated(" max error 2 by any"), ["max error=2", "triangulation=data-dependent"]);
         let other = stated(" max error 1.5 bounds surface min angles 20 bound");
         assert_eq!(other, ["max error=1.5", "bound=", "comment=bounds surface min angles 20"]);
     }

@@ -148,6 +148,17 @@ impl Column {
         if self.none == Some(stored) { f64::NAN } else { self.scaled(stored) }
     }
 
+    /// Whether the value of a record is told from all others by a number: whole ones of 64 bits may be too large.
+    pub fn is_exact(&self, record: &[u8]) -> bool {
+        const MOST: u64 = 1 << 53;
+        let bytes = &record[self.at..];
+        match self.value {
+            Value::Unsigned(8) => word(bytes, 8) <= MOST,
+            Value::Signed(8) => signed(bytes, 8).unsigned_abs() <= MOST,
+            _ => true,
+        }
+    }
+
     /// The value that `bytes` begin with.
     fn stored(&self, bytes: &[u8]) -> f64 {
         match self.value {
@@ -209,4 +220,29 @@ fn single(bytes: &[u8]) -> f32 {
 fn put(text: &mut String, value: impl std::fmt::Display) {
     // Text in memory takes all that is written to it.
     let _ = write!(text, "{value},");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_beyond_those_of_floats_are_known() {
+        let column = |value| Column { name: "id".into(), at: 1, value, scale: None, none: None };
+        let is_exact = |value, stored: i64| {
+            column(value).is_exact(&[&[9][..], &stored.to_le_bytes()].concat())
+        };
+        for (stored, signed, unsigned) in [
+            (0, true, true),
+            (1 << 53, true, true),
+            ((1 << 53) + 1, false, false),
+            (-1 << 53, true, false),
+            (-1, true, false),
+            (i64::MIN, false, false),
+        ] {
+            assert_eq!(is_exact(Value::Signed(8), stored), signed, "{stored}");
+            assert_eq!(is_exact(Value::Unsigned(8), stored), unsigned, "{stored}");
+            assert!(is_exact(Value::Unsigned(4), stored) && is_exact(Value::Float(8), stored));
+        }
+    }
 }

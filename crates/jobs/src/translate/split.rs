@@ -105,6 +105,9 @@ impl Values {
         at.progress.begin("values", total(records));
         flow.run(records, at, &mut |bytes| {
             bytes.chunks_exact(flow.record).try_for_each(|record| {
+                if !self.column.is_exact(record) {
+                    return Err(self.too_large());
+                }
                 let key = self.key(record);
                 let number = *numbers.entry(key).or_insert_with(|| {
                     keys.push(key);
@@ -121,6 +124,12 @@ impl Values {
         let name = |number: usize| folder.join(format!("{}.{ending}", self.name(keys[number])));
         let all = Filled { buckets: &buckets, count: keys.len(), options };
         all.write((flow.record, threads), name, at)
+    }
+
+    fn too_large(&self) -> Error {
+        let name = self.column.name();
+        Error::unsupported(format!("--split: {name} has whole numbers beyond 2^53, not told apart"))
+            .remedy("split by an attribute of smaller numbers, such as point_source_id")
     }
 
     fn too_many(&self) -> Error {
