@@ -168,7 +168,8 @@ def test_files(tmp_path: Path, heights: NDArray[np.float32], ending: str) -> Non
     mesh = terrane.tin(heights, max_error=5.0, crs="EPSG:32631")
     path = tmp_path / f"mesh.{ending}"
     assert mesh.write(path) == path.stat().st_size
-    assert terrane.verify(path, heights, max_error=5.0).ok
+    assert terrane.verify(path, heights, max_error=5.0, crs="EPSG:32631").ok
+    assert terrane.verify(path, heights, max_error=5.0).not_judged
     before = path.read_bytes()
     with pytest.raises(OSError, match="exists") as caught:
         mesh.write(path)

@@ -67,7 +67,12 @@ NUMBERS: list[Any] = [
 # Options that have several numbers, that may be below 0 or infinite, or that are called otherwise.
 SIGNED = {"levels", "bounds", "z_range", "border_height", "z_scale", "z_exag"}
 SEVERAL = {"levels", "bounds", "z_range", "classes"}
-OTHERWISE = {("points", "tile"): "side", ("plan_points", "tile"): "side"}
+OTHERWISE = {
+    ("points", "tile"): "side",
+    ("plan_points", "tile"): "side",
+    # The name of an attribute.
+    ("points", "split"): "attribute",
+}
 # Of the models, which take them by name alone.
 OF_MODELS = ["bounds", "radius", "max_edge", "fill", "threads", "memory", "cell"]
 # What may be text.
@@ -167,6 +172,13 @@ def test_numbers_of_any_package_are_taken(value: Any) -> None:
         made = terrane.tin(HEIGHTS, max_error=given, tile=8 * value)
         assert np.array_equal(made.vertices, expected.vertices)
     assert len(terrane.tin(HEIGHTS, max_vertices=1e2).vertices) <= 100  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("option", ["heights", "ground", "split", "buffer_mark"])
+@pytest.mark.parametrize("value", [5, 0.5, True, b"class", ["class"]])
+def test_what_is_no_text_is_refused_by_name(tmp_path: Path, option: str, value: Any) -> None:
+    with pytest.raises(terrane.InputError, match=f"{option} is .*no text"):
+        CALLS["points"](tmp_path, **{"tile": None, option: value})
 
 
 def test_what_stands_for_voids_is_a_number() -> None:

@@ -39,14 +39,21 @@ def points_of(
         "las_version": None if las_version is None else str(las_version),
         "dedupe": dedupe,
         "thin": None if thin is None else str(thin),
-        "heights": heights,
+        "heights": text("heights", heights),
         "classify": [classify] if isinstance(classify, str) else list(classify),
-        "ground": ground,
+        "ground": text("ground", ground),
         "tile": number("side", tile, "tile"),
-        "split": split,
+        "split": text("split", split),
         "buffer": 0.0 if buffer is None else number("buffer", buffer),
-        "buffer_mark": buffer_mark,
+        "buffer_mark": text("buffer_mark", buffer_mark),
     }
+
+
+def text(option: str, value: str | None) -> str | None:
+    """A text as an option takes it; what is none is refused by name."""
+    if value is None or isinstance(value, str):
+        return value
+    raise usage(f"{option} is {value!r}, which is no text", f"pass {option} as a str")
 
 
 def points(
