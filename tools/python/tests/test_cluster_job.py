@@ -75,7 +75,9 @@ def test_graph_nodes_are_no_more_than_asked_for(small: Work) -> None:
         assert TERRANE
         job = Job(str(small.folder), TERRANE, batch_seconds=0.0, most_nodes=5)
         report = Driver(client, job).run()
-        assert nodes.most == report.nodes == 5 and report.batches == report.done == small.tasks
+        assert nodes.most == report.nodes == 5 and report.done == small.tasks
+        # What a busy machine loses is handed out once more.
+        assert report.batches == report.done + report.retried
         assert small.is_right()
 
 
