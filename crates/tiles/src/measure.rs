@@ -53,16 +53,6 @@ impl Facet {
         let Self { corners, across, .. } = self;
         (across.dot(corners[0] - point).abs() + across.length() * doubt) / across.dot(up).abs()
     }
-
-    /// The triangles beyond sides that a sample is nearer to than its place may be off by.
-    fn beside(&self, up: Vector, point: Vector, doubt: f64) -> impl Iterator<Item = u32> + use<> {
-        let Self { corners, twins, .. } = *self;
-        let is_near = move |k: &usize| {
-            let [a, b] = [corners[(k + 1) % 3] - point, corners[(k + 2) % 3] - point];
-            up.dot(a.cross(b)).abs() <= (b - a).length() * doubt
-        };
-        (0..3).filter(is_near).map(move |k| twins[k]).filter(|twin| *twin != NONE)
-    }
 }
 
 /// Metres that all that is rounded is far below.
@@ -83,14 +73,14 @@ struct Strip {
 }
 
 impl Strip {
-    /// Of samples that are within `tolerance` metres of the triangle, and whose places may be off by `doubt`.
-    fn new(facet: &Facet, parallel: &Parallel, [tolerance, doubt]: [f64; 2]) -> Self {
+    /// Of samples that are within `tolerance` metres of the triangle.
+    fn new(facet: &Facet, parallel: &Parallel, tolerance: f64) -> Self {
         let Facet { corners, across, .. } = facet;
         let Parallel { turn: lat, bend, .. } = *parallel;
         let axis = Vector([0.0, 0.0, beneath(lat, bend)]);
         let sides = [0, 1, 2].map(|k| corners[(k + 2) % 3] - corners[(k + 1) % 3]);
         let longest = sides.iter().fold(0.0_f64, |longest, side| longest.max(side.length()));
-        let slack = HAIR * (longest + tolerance) + doubt * longest;
+        let slack = HAIR * (longest + tolerance);
         let side = |k: usize| (corners[(k + 1) % 3] - axis).cross(sides[k]).0;
         let planes = [side(0), side(1), side(2), across.0];
         let less = [slack, slack, slack, 0.0];
@@ -174,13 +164,7 @@ impl Shell {
             false => {
                 let (up, here) = (sample.upright.normal, &self.facets[facet as usize]);
                 match &self.folds {
-                    None => {
-                        let beside = here.beside(up, point, self.doubt);
-                        let off = |facet: &Facet| facet.off(up, point, self.doubt);
-                        beside
-                            .map(|twin| off(&self.facets[twin as usize]))
-                            .fold(off(here), f64::max)
-                    }
+                    None => here.off(up, point, self.doubt),
                     Some(folds) => {
                         let near = folds.near(self.id.steps(sample.place)).iter();
                         let near = near.map(|number| &self.facets[*number as usize]);
@@ -235,7 +219,7 @@ impl Shell {
         if self.folds.is_some() {
             return 0;
         }
-        let strip = Strip::new(&self.facets[self.last as usize], parallel, [tolerance, self.doubt]);
+        let strip = Strip::new(&self.facets[self.last as usize], parallel, tolerance);
         let limit = tolerance.min(self.measure.largest);
         let samples = columns.iter().zip(heights);
         samples.take_while(|(column, height)| strip.is_near(column.turn, **height, limit)).count()

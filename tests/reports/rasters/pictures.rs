@@ -134,9 +134,11 @@ fn d7_heights_that_no_terrain_has_are_told() {
             .collect();
         assert_eq!(kinds.contains(&"no terrain"), words.is_some(), "{name}: {info}");
         let info = info["notes"].to_string();
+        // A picture of other packing is flat, or steep.
+        let interval = if name.ends_with("r.png") { "1" } else { "10" };
         for make in [
             &["tin", name, "o.ply", "--max-error", "1"][..],
-            &["contour", name, "o.geojson", "--interval", "10"],
+            &["contour", name, "o.geojson", "--interval", interval],
         ] {
             let told = facts(&place, &[make, &["--overwrite"]].concat())["notes"].to_string();
             let is_told = told.contains("beyond those of terrain on Earth");

@@ -8,6 +8,9 @@
 //!
 //! A pole is one place. Triangles with two corners there are lines, which no normal but that of the pole meets, and
 //! are left out; the pole itself has all heights of vertices there, and the furthest of them counts.
+//!
+//! A place that is rounded moves a sample up or down a slope. So of each sample it is told by how much it is surely off,
+//! and by how much it may be: that matters where walls are a thousand times as high as they are wide.
 
 use super::decode::Tile;
 use super::ellipsoid::{B, Meridian, Parallel, Vector, cross, dot, minus, plus};
@@ -55,13 +58,21 @@ pub struct Seen {
     pub squares: f64,
     /// The largest distance, and which sample of the run it is, the first of several.
     pub most: Option<(f64, usize)>,
+    /// The largest of what samples are surely off by, their places being rounded, and of what they may be.
+    pub ends: [f64; 2],
 }
+
+/// What the heights of a sample beside an edge may differ by, counted in what its own triangle changes by where places
+/// are rounded: that of the other triangle may be steeper.
+const EITHER_SIDE: f64 = 4.0;
 
 /// A triangle on a parallel: what the determinants of its sides, and its plane, have as factors there.
 struct Row {
     sides: [[f64; 3]; 3],
     plane: [f64; 4],
     radius: f64,
+    /// Length of the normal of the plane.
+    length: f64,
 }
 
 impl Facets {
@@ -125,15 +136,15 @@ impl Facets {
     }
 
     /// Measures the samples of a row at these longitudes; voids are NaN. `from` is the triangle where the search
-    /// begins, and becomes that of the first sample. A distance that is no number, because a triangle has no area,
-    /// is infinite.
+    /// begins, and becomes that of the first sample. Their places may be off by so many metres. A distance that is no
+    /// number, because a triangle has no area, is infinite.
     pub fn row(
         &self,
         from: &mut u32,
         parallel: &Parallel,
         meridians: &[Meridian],
         heights: &[f64],
-        limit: f64,
+        [limit, rounded]: [f64; 2],
     ) -> Seen {
         let mut seen = Seen::default();
         if parallel.cos.abs() < POLAR[1] {
@@ -142,7 +153,7 @@ impl Facets {
             };
             let valid = heights.iter().enumerate().filter(|(_, height)| !height.is_nan());
             valid.for_each(|(index, &height)| {
-                seen.add(index, (height - low).abs().max((height - high).abs()), limit);
+                seen.add(index, [(height - low).abs().max((height - high).abs()), 0.0], limit);
             });
             return seen;
         }
@@ -160,7 +171,8 @@ impl Facets {
             if seen.count == 0 {
                 *from = now;
             }
-            seen.add(index, (row.height(at) - height).abs(), limit);
+            let [surface, steep] = row.height(at);
+            seen.add(index, [(surface - height).abs(), steep * rounded], limit);
         }
         seen
     }
@@ -240,6 +252,7 @@ impl Facet {
             sides: [side(0), side(1), side(2)],
             plane: [cos * normal[0], cos * normal[1], sin * normal[2], rest],
             radius,
+            length: dot(normal, normal).sqrt(),
         }
     }
 }
@@ -255,19 +268,24 @@ impl Row {
         (0..3).all(|k| self.side(k, at) >= 0.0)
     }
 
-    /// The height at which the normal meets the plane.
-    fn height(&self, at: Meridian) -> f64 {
+    /// The height at which the normal meets the plane, and metres up the plane for one along it.
+    fn height(&self, at: Meridian) -> [f64; 2] {
         let [x, y, z, rest] = self.plane;
         let across = x * at.cos + y * at.sin;
-        (rest - self.radius * across) / (across + z)
+        let up = (across + z).recip();
+        [(rest - self.radius * across) * up, self.length * up.abs()]
     }
 }
 
 impl Seen {
-    fn add(&mut self, index: usize, distance: f64, limit: f64) {
-        let distance = if distance.is_nan() { f64::INFINITY } else { distance };
+    fn add(&mut self, index: usize, [distance, rounded]: [f64; 2], limit: f64) {
+        let (distance, rounded) =
+            if distance.is_finite() { (distance, rounded) } else { (f64::INFINITY, 0.0) };
+        let sure = distance - rounded;
         self.count += 1;
-        self.over += u64::from(distance > limit);
+        self.over += u64::from(sure > limit);
+        self.ends[0] = self.ends[0].max(sure);
+        self.ends[1] = self.ends[1].max(distance + EITHER_SIDE * rounded);
         self.squares += distance * distance;
         if self.most.is_none_or(|(most, _)| distance > most) {
             self.most = Some((distance, index));

@@ -7,6 +7,10 @@ use terrane_base::geom::Rect;
 use terrane_proof::tiles::{LAST, Meridian, Parallel, rows};
 use terrane_raster::GridSource;
 
+/// Metres that places may be off by: of a number of the size of the earth, and of one that is taken from one system to
+/// another.
+const ROUNDED: [f64; 2] = [2e-8, 1e-4];
+
 /// A raster on the globe.
 pub(super) struct Places<'a> {
     grid: &'a dyn GridSource,
@@ -62,6 +66,14 @@ impl<'a> Places<'a> {
         match self.on_globe {
             OnGlobe::Straight(_) => 0,
             OnGlobe::Moved(..) => size_of::<[f64; 2]>() as u64,
+        }
+    }
+
+    /// Metres that the place of a sample may be off by.
+    pub(super) fn rounded(&self) -> f64 {
+        match self.on_globe {
+            OnGlobe::Straight(_) => ROUNDED[0],
+            OnGlobe::Moved(..) => ROUNDED[1],
         }
     }
 

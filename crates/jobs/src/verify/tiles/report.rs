@@ -221,7 +221,7 @@ impl Judge<'_> {
                 faults.add(Fault::NoError, u64::from(layer.levels.is_some()), id);
                 continue;
             };
-            let is_over = under.far.is_some_and(|far| far.distance > recorded + ROUNDING);
+            let is_over = under.far.is_some_and(|far| far.ends[0] > recorded + ROUNDING);
             faults.add(Fault::OverRecorded, u64::from(is_over), id);
             let is_reckless = recorded > self.context.most_recorded(id.level);
             faults.add(Fault::Reckless, u64::from(is_reckless), id);
@@ -364,7 +364,11 @@ impl Judge<'_> {
         let of_level = self.context.tiles.of_level(level);
         let all = self.context.tiles.all[of_level.clone()].iter().zip(&self.found.under[of_level]);
         let fars = all.filter_map(|(&id, under)| Some((under.far?, id)));
-        fars.reduce(|a, b| if b.0.distance > a.0.distance { b } else { a })
+        fars.reduce(|a, b| {
+            let ends = [0, 1].map(|i| a.0.ends[i].max(b.0.ends[i]));
+            let (far, id) = if b.0.distance > a.0.distance { b } else { a };
+            (Far { ends, ..far }, id)
+        })
     }
 
     /// What is said of levels.
@@ -372,9 +376,9 @@ impl Judge<'_> {
         for found in levels {
             let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
             let assumed = self.context.layer.assumed(found.level);
-            let error = found.max_error.unwrap_or_default();
             // Steep triangles make distances of what is rounded.
-            let needed = (error * MEASURED + LOOSE).max(assumed);
+            let [error, most] = self.farthest(found.level).map_or([0.0; 2], |(far, _)| far.ends);
+            let needed = (most * MEASURED + LOOSE).max(assumed);
             let is_lax = found.tolerance > needed * (1.0 + SHARE);
             faults.add(Fault::Assumed, u64::from(is_lax), id.copied());
             let is_far = error > self.unavoidable(found.level);

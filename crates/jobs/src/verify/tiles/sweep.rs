@@ -42,6 +42,8 @@ pub(super) struct Far {
     pub(super) distance: f64,
     /// Row and column.
     pub(super) sample: [u32; 2],
+    /// What the samples of the tile are surely off by at the most, their places being rounded, and what they may be.
+    pub(super) ends: [f64; 2],
 }
 
 /// Samples of a tile.
@@ -361,16 +363,16 @@ impl Level<'_> {
         &mut self,
         id: TileId,
         parts: impl Iterator<Item = T>,
-        mut look: impl FnMut(T, f64) -> (Seen, [u32; 2]),
+        mut look: impl FnMut(T, [f64; 2]) -> (Seen, [u32; 2]),
     ) -> Under {
-        let limit = self.window.context.limit(self.level);
+        let limit = [self.window.context.limit(self.level), self.window.context.places.rounded()];
         let (mut under, mut squares, mut over) = (Under::default(), 0.0, 0);
         for part in parts {
             let (seen, sample) = look(part, limit);
             under.count += seen.count;
             over += seen.over;
             squares += seen.squares;
-            let far = seen.most.map(|(distance, _)| Far { distance, sample });
+            let far = seen.most.map(|(distance, _)| Far { distance, sample, ends: seen.ends });
             under.far = farther(under.far, far);
         }
         let level = &mut self.found.levels[usize::from(self.level)];
@@ -386,6 +388,7 @@ impl Level<'_> {
 pub(super) fn farther(a: Option<Far>, b: Option<Far>) -> Option<Far> {
     a.into_iter().chain(b).reduce(|a, b| {
         let is_b = b.distance.total_cmp(&a.distance).then(a.sample.cmp(&b.sample)).is_gt();
-        if is_b { b } else { a }
+        let ends = [0, 1].map(|i| a.ends[i].max(b.ends[i]));
+        Far { ends, ..if is_b { b } else { a } }
     })
 }
