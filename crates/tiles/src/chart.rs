@@ -189,7 +189,7 @@ impl Chart {
     /// Metres that places of samples may be off by.
     pub fn doubt(&self) -> f64 {
         /// Rounding: some places of a number of the size of the earth.
-        const ROUNDED: f64 = 1e-8;
+        const ROUNDED: f64 = 5e-8;
         match &self.way {
             Way::Straight(_) => ROUNDED,
             Way::Bent(bent) => ROUNDED + bent.off.get().unwrap_or(&OFF),

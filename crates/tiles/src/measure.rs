@@ -53,6 +53,16 @@ impl Facet {
         let Self { corners, across, .. } = self;
         (across.dot(corners[0] - point).abs() + across.length() * doubt) / across.dot(up).abs()
     }
+
+    /// The triangles beyond sides that a sample is nearer to than its place may be off by.
+    fn beside(&self, up: Vector, point: Vector, doubt: f64) -> impl Iterator<Item = u32> + use<> {
+        let Self { corners, twins, .. } = *self;
+        let is_near = move |k: &usize| {
+            let [a, b] = [corners[(k + 1) % 3] - point, corners[(k + 2) % 3] - point];
+            up.dot(a.cross(b)).abs() <= (b - a).cross(up).length() * doubt
+        };
+        (0..3).filter(is_near).map(move |k| twins[k]).filter(|twin| *twin != NONE)
+    }
 }
 
 /// Metres that all that is rounded is far below.
@@ -164,7 +174,14 @@ impl Shell {
             false => {
                 let (up, here) = (sample.upright.normal, &self.facets[facet as usize]);
                 match &self.folds {
-                    None => here.off(up, point, self.doubt),
+                    // On a side it is as far from both triangles: a wall on one of them says nothing.
+                    None => {
+                        let off = |facet: &Facet| facet.off(up, point, self.doubt);
+                        let beside = here.beside(up, point, self.doubt);
+                        beside
+                            .map(|twin| off(&self.facets[twin as usize]))
+                            .fold(off(here), f64::min)
+                    }
                     Some(folds) => {
                         let near = folds.near(self.id.steps(sample.place)).iter();
                         let near = near.map(|number| &self.facets[*number as usize]);

@@ -7,9 +7,9 @@ use terrane_base::geom::Rect;
 use terrane_proof::tiles::{LAST, Meridian, Parallel, rows};
 use terrane_raster::GridSource;
 
-/// Metres that places may be off by: of a number of the size of the earth, and of one that is taken from one system to
+/// Metres that places may be off by: of sums of numbers of the size of the earth, and of one taken from one system to
 /// another.
-const ROUNDED: [f64; 2] = [2e-8, 1e-4];
+const ROUNDED: [f64; 2] = [1e-6, 1e-4];
 
 /// A raster on the globe.
 pub(super) struct Places<'a> {
