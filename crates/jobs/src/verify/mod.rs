@@ -313,6 +313,9 @@ impl<'a> Work<'a> {
     fn set_aside(&mut self, bytes: u64) {
         self.aside += bytes;
         self.memory = self.memory.saturating_sub(bytes);
+        // Each thread needs some of what is left.
+        let most = usize::try_from(self.memory / LEAST_MEMORY).unwrap_or(usize::MAX).max(1);
+        self.threads = self.threads.min(most);
         self.share = self.memory / self.threads as u64;
     }
 
