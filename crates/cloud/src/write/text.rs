@@ -153,6 +153,7 @@ impl Column {
         const MOST: u64 = 1 << 53;
         let bytes = &record[self.at..];
         match self.value {
+            _ if self.none == Some(self.stored(bytes)) => true,
             Value::Unsigned(8) => word(bytes, 8) <= MOST,
             Value::Signed(8) => signed(bytes, 8).unsigned_abs() <= MOST,
             _ => true,
@@ -244,5 +245,7 @@ mod tests {
             assert_eq!(is_exact(Value::Unsigned(8), stored), unsigned, "{stored}");
             assert!(is_exact(Value::Unsigned(4), stored) && is_exact(Value::Float(8), stored));
         }
+        let none = Column { none: Some(-1_i64 as u64 as f64), ..column(Value::Unsigned(8)) };
+        assert!(none.is_exact(&[0xff; 9]));
     }
 }

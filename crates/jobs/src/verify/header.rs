@@ -24,7 +24,7 @@ pub(super) struct Header<'a> {
     pub(super) original: &'static str,
 }
 
-/// Fails a mesh whose vertices do not fill the box that its file states, and that viewers believe.
+/// Fails a mesh of terrane's own whose vertices do not fill the box that its file states, and that viewers believe.
 ///
 /// # Errors
 /// As [`mesh_bounds`].
@@ -33,7 +33,8 @@ pub(super) fn judge_bounds(
     verdict: &mut Verdict,
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<()> {
-    let Some(stated) = mesh.stated_bounds() else { return Ok(()) };
+    let stated = mesh.stated_bounds().filter(|_| mesh.info().is_own());
+    let Some(stated) = stated else { return Ok(()) };
     match mesh_bounds(mesh, progress, cancel)? {
         Some(found) if found != stated => verdict.fail(format!(
             "the mesh states that it lies from {:?} to {:?}, and it lies from {:?} to {:?}",

@@ -92,8 +92,11 @@ struct Accessor {
     count: u64,
     #[serde(rename = "type")]
     shape: String,
-    min: Option<Vec<f64>>,
-    max: Option<Vec<f64>>,
+    /// Whatever others put there.
+    #[serde(default)]
+    min: serde_json::Value,
+    #[serde(default)]
+    max: serde_json::Value,
     sparse: Option<serde::de::IgnoredAny>,
 }
 
@@ -401,7 +404,7 @@ impl<'a> Layout<'a> {
 impl Accessor {
     /// The corners of the box that positions are said to lie in, as they are stored.
     fn bounds(&self) -> Option<[Point3; 2]> {
-        let corner = |of: &Option<Vec<f64>>| of.as_deref()?.try_into().ok();
+        let corner = |of: &serde_json::Value| serde_json::from_value::<Point3>(of.clone()).ok();
         Some([corner(&self.min)?, corner(&self.max)?])
     }
 }
