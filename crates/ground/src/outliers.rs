@@ -7,7 +7,7 @@
 //!
 //! Through the densest crowns so few cells see the ground that chords between them are rare, and all of it looks like
 //! outliers. But outliers lie at any depth, below what is smooth, and ground goes on, below what is rough: a point that
-//! lies with many others on a plane under a rough surface stays.
+//! lies with many others on a plane stays where hardly anything around is smooth.
 
 use crate::grid::slid;
 use crate::grow::{Plane, Sums};
@@ -38,11 +38,13 @@ const VIEWS: [usize; 3] = [14, 24, 38];
 const FEWEST: usize = 8;
 const TRIMS: usize = 4;
 const FAR: (f64, f64) = (2.0, 0.5);
-const STRAY: f64 = 1.5;
-/// How near to a plane in metres half of what is around a point is, where that is a surface.
+const STRAY: f64 = 0.8;
+/// How near to a plane in metres half of what is around a cell is, where that is smooth; and of how many cells one may
+/// be, under crowns.
 const SMOOTH: f64 = 0.25;
+const ROUGH: usize = 20;
 /// Cells around one that decide whether its point is an outlier.
-pub(crate) const REACH: usize = PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2];
+pub(crate) const REACH: usize = PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2] + BESIDE;
 
 /// The lowest points without low outliers: their cells are empty.
 pub(crate) fn without_outliers(lows: &Lows<'_>) -> Vec<Point> {
@@ -66,34 +68,46 @@ pub(crate) fn without_outliers(lows: &Lows<'_>) -> Vec<Point> {
         }
         left_out.extend(outliers);
     }
+    if left_out.len() <= FEWEST {
+        return points;
+    }
     left_out.sort_unstable();
+    let left = Lows { points: &points, ..*lows };
+    let smooth: Vec<_> = (0..points.len()).map(|at| is_smooth(&left, at)).collect();
     let is_ground =
-        |at: &usize| !is_below_a_surface(lows, &points, *at) && goes_on(lows, &left_out, *at);
+        |at: &usize| is_under_crowns(&smooth, lows.width, *at) && goes_on(lows, &left_out, *at);
     let back: Vec<usize> = left_out.iter().copied().filter(is_ground).collect();
     back.into_iter().for_each(|at| points[at] = lows.points[at]);
     points
 }
 
-/// Whether what is left around a left out point is smooth, as ground is and crowns are not: half of it lies near one
-/// plane. What lies so far below ground is noise, however much there is of it.
-fn is_below_a_surface(lows: &Lows<'_>, points: &[Point], at: usize) -> bool {
-    let Some([x, y, z]) = lows.metres(at) else { return true };
-    let left = Lows { points, ..*lows };
-    let (width, rows) = (lows.width, points.len() / lows.width);
-    let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
+/// Whether hardly any of the cells around one is smooth, as those of ground are and those of crowns are not. What lies
+/// below a smooth surface is noise, however much there is of it.
+fn is_under_crowns(is_smooth: &[Option<bool>], width: usize, at: usize) -> bool {
+    let around = |at: usize, end: usize| at.saturating_sub(VIEWS[2])..(at + VIEWS[2] + 1).min(end);
     let cols = around(at % width, width);
-    let cells =
-        around(at / width, rows).flat_map(|row| cols.clone().map(move |col| row * width + col));
-    let others: Vec<[f64; 3]> = cells
-        .filter_map(|cell| left.metres(cell))
-        .map(|[east, north, up]| [east - x, north - y, up - z])
-        .collect();
+    let rows = around(at / width, is_smooth.len() / width);
+    let told = rows.flat_map(|row| &is_smooth[row * width..][cols.clone()]).flatten();
+    let (count, smooth) =
+        told.fold((0, 0), |(count, smooth), is| (count + 1, smooth + usize::from(*is)));
+    smooth * ROUGH <= count
+}
+
+/// Whether half of the points around a cell lie near one plane; `None` where they tell of none.
+fn is_smooth(lows: &Lows<'_>, at: usize) -> Option<bool> {
+    let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
+    let cols = around(at % lows.width, lows.width);
+    let rows = around(at / lows.width, lows.points.len() / lows.width);
+    let cells = rows.flat_map(|row| cols.clone().map(move |col| row * lows.width + col));
+    let all: Vec<[f64; 3]> = cells.filter_map(|cell| lows.metres(cell)).collect();
+    let first = *all.first()?;
+    let from = |p: &[f64; 3]| [0, 1, 2].map(|i| p[i] - first[i]);
     let mut sums = Sums::default();
-    others.iter().for_each(|p| sums.add(*p));
-    let Some(plane) = sums.plane() else { return false };
-    let mut away: Vec<f64> = others.iter().map(|p| plane.above(*p).abs()).collect();
+    all.iter().for_each(|p| sums.add(from(p)));
+    let plane = sums.plane()?;
+    let mut away: Vec<f64> = all.iter().map(|p| plane.above(from(p)).abs()).collect();
     let half = away.len() / 2;
-    *away.select_nth_unstable_by(half, f64::total_cmp).1 <= SMOOTH
+    Some(*away.select_nth_unstable_by(half, f64::total_cmp).1 <= SMOOTH)
 }
 
 /// Whether a left out point lies on a plane with many others that were left out.
@@ -308,7 +322,7 @@ mod tests {
             (bits % 1000, (bits >> 32) as f64 / 2.0_f64.powi(32))
         };
         let reliefs: [(&dyn Fn(usize, usize) -> f64, _); 2] =
-            [(&slope, [0.8, 0.9, 0.9]), (&hills, [0.5, 0.8, 0.9])];
+            [(&slope, [0.8, 0.9, 0.9]), (&hills, [0.25, 0.7, 0.85])];
         for (relief, least) in reliefs {
             for (few, least) in [4, 8, 15].into_iter().zip(least) {
                 let above = |at: [usize; 2]| match dice(at) {
