@@ -70,7 +70,9 @@ impl Asked {
     /// The ground under the cells of a window, or of a square with its halo. Low outliers are no ground, and left out
     /// before the method begins.
     pub fn find(&self, lows: &Lows<'_>) -> Ground {
-        let points = outliers::without_outliers(lows);
+        let is_fixed = (self.finder().lattice)(self, lows.cell).core.is_some();
+        let passes = if is_fixed { outliers::PASSES } else { outliers::FEW_PASSES };
+        let points = outliers::without_outliers(lows, passes);
         (self.finder().find)(self, &Lows { points: &points, ..*lows })
     }
 }

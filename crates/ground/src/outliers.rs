@@ -23,8 +23,10 @@ const SCALES: [(isize, isize); 3] = [(1, 4), (3, 12), (7, 28)];
 const ONE_SIDED: usize = 2;
 /// Half of the directions from a point; the others are opposite.
 const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [1, 1], [0, 1], [-1, 1]];
-/// Times that outliers are looked for: deeper ones hide others.
-const PASSES: usize = 3;
+/// Times that outliers are looked for, as deeper ones hide others: in windows that have to see what decides, and in
+/// squares at fixed places, where that costs nothing but time, and only where there are outliers.
+pub(crate) const FEW_PASSES: usize = 3;
+pub(crate) const PASSES: usize = 8;
 /// How far an outlier lies below all chords: metres, and in cells where those are large.
 const DEPTH: f64 = 1.0;
 const DEPTH_OF_CELL: f64 = 0.5;
@@ -43,14 +45,14 @@ const STRAY: f64 = 0.8;
 /// be, under crowns.
 const SMOOTH: f64 = 0.25;
 const ROUGH: usize = 20;
-/// Cells around one that decide whether its point is an outlier.
-pub(crate) const REACH: usize = PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2] + BESIDE;
+/// Cells around one that decide in few passes whether its point is an outlier.
+pub(crate) const REACH: usize = FEW_PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2] + BESIDE;
 
 /// The lowest points without low outliers: their cells are empty.
-pub(crate) fn without_outliers(lows: &Lows<'_>) -> Vec<Point> {
+pub(crate) fn without_outliers(lows: &Lows<'_>, passes: usize) -> Vec<Point> {
     let mut points = lows.points.to_vec();
     let mut left_out = Vec::new();
-    for _ in 0..PASSES {
+    for _ in 0..passes {
         let heights: Vec<i32> = points.iter().map(|p| p.z).collect();
         let blocks = Blocks::new(&heights, lows.width);
         let depth = DEPTH.max(DEPTH_OF_CELL * lows.cell) / lows.step[2];
@@ -256,7 +258,7 @@ mod tests {
         let points: Vec<Point> = (0..width * rows).map(point).collect();
         let lows =
             Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [1.0, 1.0, 0.01] };
-        let left = without_outliers(&lows);
+        let left = without_outliers(&lows, FEW_PASSES);
         (0..left.len())
             .filter(|&at| left[at] == NO_POINT)
             .map(|at| [at % width, at / width])
