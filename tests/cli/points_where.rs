@@ -341,3 +341,23 @@ fn scaled_and_missing_values_are_names_of_files() {
         &["holds other files too"],
     );
 }
+
+/// What `info` says of points that are chosen is of these, though no statistics are asked for.
+#[test]
+fn info_counts_the_points_that_are_chosen() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=100,density=2,seed=4", "c.laz", "-q"]);
+    let told = |options: &[&str]| {
+        let told = json(&place.ok(&[&["info", "c.laz", "--json"], options].concat()).out);
+        (told["stats"]["kept"].as_u64(), told["density"].as_f64().unwrap())
+    };
+    let (none, all) = told(&[]);
+    assert!(none.is_none() && (1.5..2.5).contains(&all), "{all}");
+    for options in [&["--class", "2"][..], &["--where", "class = 2"], &["--return", "last"]] {
+        let (kept, density) = told(options);
+        let kept = kept.unwrap_or_else(|| panic!("{options:?}")) as f64;
+        assert!(kept > 0.0 && density < 0.99 * all, "{options:?}: {density} of {all}");
+    }
+    let (kept, density) = told(&["--bounds", "500000,0,500050,9000000"]);
+    assert!(kept.is_some() && (0.7 * all..1.3 * all).contains(&density), "{density} of {all}");
+}

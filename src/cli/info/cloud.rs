@@ -66,6 +66,8 @@ impl Facts {
         let info = cloud.info();
         let bounds = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let area = bounds.map(|[low, high]| (high[0] - low[0]) * (high[1] - low[1]));
+        // Of points that were chosen only these count.
+        let count = stats.as_ref().map_or(info.count, |stats| stats.census.kept);
         let mut notes = cloud.notes().to_vec();
         notes.extend(outside(bounds, stats.as_ref()));
         Self {
@@ -77,7 +79,7 @@ impl Facts {
             scale: info.frame.scale,
             offset: info.frame.offset,
             bounds,
-            density: area.filter(|area| *area > 0.0).map(|area| info.count as f64 / area),
+            density: area.filter(|area| *area > 0.0).map(|area| count as f64 / area),
             crs: info.crs.label(),
             epsg: info.crs.epsg,
             vertical_epsg: info.crs.vertical_epsg,
