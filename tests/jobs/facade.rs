@@ -275,10 +275,21 @@ fn degrees_are_written_as_local_metres() {
     let place = Affine { x0: 9.0, a: 0.01, b: 0.0, y0: 47.0, d: 0.0, e: -0.01 };
     let tin = Tin::from_array(&heights, 8, 8).unwrap().place(place, crs).max_error(1.0);
     let tin = tin.build().unwrap();
-    for name in ["mesh.glb", "mesh.ply"] {
+    let file = folder.path().join("grid.asc");
+    let head = "ncols 8\nnrows 8\nxllcenter 9\nyllcenter 46.93\ncellsize 0.01\n";
+    let line = |row: &[f32]| row.iter().map(|z| format!("{z} ")).collect::<String>() + "\n";
+    let text: String = heights.chunks(8).map(line).collect();
+    std::fs::write(&file, format!("{head}{text}")).unwrap();
+    std::fs::write(file.with_extension("prj"), "EPSG:4326").unwrap();
+    let grid = terrane::open(file.to_str().unwrap()).unwrap();
+    for name in ["mesh.glb", "mesh.ply", "mesh.stl"] {
         let mesh = folder.path().join(name);
         let count = tin.write(&mesh).unwrap();
         assert_eq!(count, std::fs::metadata(&mesh).unwrap().len(), "{name}");
+        let proof = grid.verify(&mesh).max_error(1.0).run().unwrap();
+        assert!(proof.verdict.passed, "{name}: {:?}", proof.verdict);
+        let wrong = grid.verify(&mesh).max_error(0.01).run().unwrap();
+        assert!(!wrong.verdict.passed, "{name}");
     }
 }
 
