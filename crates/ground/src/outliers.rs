@@ -245,6 +245,11 @@ mod tests {
 
     const WIDTH: usize = 150;
 
+    /// Height of the ground at a cell.
+    type Relief = fn(usize, usize) -> f64;
+    /// Depth of noise, by a number from 0 to 1.
+    type Depth = fn(f64) -> f64;
+
     /// Cells whose points are left out, of heights in metres.
     fn left_out(
         width: usize,
@@ -349,12 +354,12 @@ mod tests {
         let hills =
             |col: usize, row: usize| 4.0 * (col as f64 / 19.0).sin() * (row as f64 / 23.0).cos();
         let any = |share: f64| 2.0 + 8.0 * share;
-        let kinds: [(&dyn Fn(usize, usize) -> f64, fn(f64) -> f64, f64); 5] = [
-            (&|_, _| 0.0, |_| 2.5, 0.85),
-            (&|_, _| 0.0, |_| 12.0, 0.85),
-            (&slope, |_| 12.0, 0.85),
-            (&hills, |_| 12.0, 0.85),
-            (&|_, _| 0.0, any, 0.6),
+        let kinds: [(Relief, Depth, f64); 5] = [
+            (|_, _| 0.0, |_| 2.5, 0.85),
+            (|_, _| 0.0, |_| 12.0, 0.85),
+            (slope, |_| 12.0, 0.85),
+            (hills, |_| 12.0, 0.85),
+            (|_, _| 0.0, any, 0.6),
         ];
         for ((relief, depth, least), few) in
             kinds.into_iter().flat_map(|kind| [(kind, 2), (kind, 6)])
