@@ -191,14 +191,15 @@ fn flatgeobuf(kind: u8, features: &[Option<&[f64]>], count: u64) -> Vec<u8> {
             let (root, places) = table(out, &[if xy.is_some() { OFFSET } else { None }]);
             let offset = (root - 4) as u32;
             out[4..8].copy_from_slice(&offset.to_le_bytes());
-            let Some(xy) = xy else { return };
-            let link_at = places[0];
-            let (geometry, places) = table(out, &[None, OFFSET]);
-            let offset = (geometry - link_at) as u32;
-            out[link_at..link_at + 4].copy_from_slice(&offset.to_le_bytes());
-            link(out, places[1], 8);
-            out.extend_from_slice(&(xy.len() as u32).to_le_bytes());
-            out.extend(xy.iter().flat_map(|c| c.to_le_bytes()));
+            if let Some(xy) = xy {
+                let link_at = places[0];
+                let (geometry, places) = table(out, &[None, OFFSET]);
+                let offset = (geometry - link_at) as u32;
+                out[link_at..link_at + 4].copy_from_slice(&offset.to_le_bytes());
+                link(out, places[1], 8);
+                out.extend_from_slice(&(xy.len() as u32).to_le_bytes());
+                out.extend(xy.iter().flat_map(|c| c.to_le_bytes()));
+            }
         }));
     }
     file
