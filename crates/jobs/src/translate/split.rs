@@ -128,8 +128,10 @@ impl Values {
 
     fn too_large(&self) -> Error {
         let name = self.column.name();
-        Error::unsupported(format!("--split: {name} has whole numbers beyond 2^53, not told apart"))
-            .remedy("split by an attribute of smaller numbers, such as point_source_id")
+        Error::unsupported(format!(
+            "--split: {name} has whole numbers beyond 2^53, where doubles skip some"
+        ))
+        .remedy("split by an attribute of smaller numbers, such as point_source_id")
     }
 
     fn too_many(&self) -> Error {
