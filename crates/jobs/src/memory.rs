@@ -2,7 +2,7 @@
 //!
 //! | share | bytes |
 //! |---|---|
-//! | the program itself: code, stacks, the allocator's slack, a sink's buffers; more in builds with checks | 16 MiB, 18 MiB |
+//! | the program itself: code, stacks, the allocator's slack, a sink's buffers; more in builds with checks | 16 MiB, 20 MiB |
 //! | each worker: the most a tile can need | given |
 //! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
 //! | what is left, but for an eighth: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
@@ -16,7 +16,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
 
 /// Bytes for the program itself.
-pub(crate) const PROGRAM: u64 = if cfg!(debug_assertions) { 18 << 20 } else { 16 << 20 };
+pub(crate) const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 };
 /// Least that is left beside the program, however little is allowed.
 const LEAST_BESIDE: u64 = 4 << 20;
 /// Fewest bytes for cache and mesh together.
