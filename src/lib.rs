@@ -31,7 +31,7 @@
 //! let dem = terrane::open(dem)?;                                            // "dem.tif"
 //! let report = dem.tin().max_error(1.5).memory("512M").write(&mesh)?;       // "mesh.ply"
 //! assert!(dem.verify(&mesh).run()?.verdict.passed);
-//! dem.contours().every(10.0).write(lines)?;                                 // "lines.geojson"
+//! dem.contour().interval(10.0).write(lines)?;                                 // "lines.geojson"
 //! println!("{} of {} samples kept", report.vertices, report.valid_samples);
 //! # Ok(())
 //! # }
@@ -42,7 +42,7 @@
 //! | data | door | what can be made of it |
 //! |---|---|---|
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
-//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contours`](Grid::contours), [`convert`](Grid::convert), [`verify`](Grid::verify) |
+//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`verify`](Grid::verify) |
 //! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
 //! | point clouds, or points in memory | [`open_cloud`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
@@ -60,13 +60,13 @@ mod cli;
 mod facade;
 
 // The rooms, by the names that the command line has for them.
-use terrane_base::{attribute, bound, error, geom, parameters, registry};
+use terrane_base::{attribute, bound, door, error, geom, parameters};
 use terrane_files::{self as files, atomic};
+use terrane_raster as raster;
 use terrane_synth as synth;
 use terrane_vector as vector;
 use {terrane_cloud as cloud, terrane_gridding as gridding, terrane_jobs as jobs};
 use {terrane_line as line, terrane_mesh as mesh, terrane_methods as methods};
-use {terrane_raster as raster, terrane_relief as relief, terrane_resample as resample};
 
 /// The command line: runs what `args` say, the name of the program first, and tells what became of it on the
 /// standard streams. It is of a whole process, whose signals and allocator it sets, and no part of the library.
@@ -83,12 +83,18 @@ pub use terrane_cloud::{
     CloudInfo, Condition, Filter, Flags, LasVersion, Marks, PointFormat, Return,
 };
 pub use terrane_jobs::cloud_tin::CloudTinReport;
-pub use terrane_jobs::contour::ContourReport;
-pub use terrane_jobs::convert::ConvertReport;
+pub use terrane_jobs::colours::ColorReliefOptions;
+pub use terrane_jobs::contour::{ContourOptions, ContourReport};
+pub use terrane_jobs::convert::{ConvertOptions, ConvertReport};
 pub use terrane_jobs::figures::Figures;
 pub use terrane_jobs::grid::{Canopy, GridReport, GroundFrom, Preset};
-pub use terrane_jobs::line::LineReport;
+pub use terrane_jobs::line::{Length, LineReport};
+pub use terrane_jobs::operation::{Job, Listed, Memory, OPERATIONS, Operation};
 pub use terrane_jobs::plan::TaskReport;
+pub use terrane_jobs::relief::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
 pub use terrane_jobs::tiles::{Beyond as TilesBeyond, Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::translate::{
@@ -96,7 +102,7 @@ pub use terrane_jobs::translate::{
     Squares, Thin, TranslateReport,
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
-pub use terrane_jobs::{Cancel, FileAt, Progress};
+pub use terrane_jobs::{Cancel, FileAt, Progress, Silent};
 pub use terrane_raster::{ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};
 
 /// The code of the tutorial, tested with that of the documentation.

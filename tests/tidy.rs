@@ -99,12 +99,30 @@ fn faults(path: &str, text: &str, rules: &Rules) -> Vec<String> {
     if path.starts_with("src/") || path.starts_with("crates/") {
         faults.extend(unsafe_faults(path, text, rules));
     }
+    if room(path).is_some_and(|room| room != "base") {
+        let dashed = dashed(&code(text)).into_iter();
+        faults.extend(dashed.map(|option| format!("spells {option}: a message names ‹options›")));
+    }
     if room(path).is_some_and(|room| rules.pure.contains(room)) && path != OF_FILES {
         let code = code(text);
         let impure = IMPURE.iter().filter(|word| code.contains(**word));
         faults.extend(impure.map(|word| format!("must not name {word}, being of a pure room")));
     }
     faults.iter().map(|fault| format!("{path}: {fault}")).collect()
+}
+
+/// Options of programs of others, which messages may tell to pass.
+const OF_OTHERS: [&str; 4] = ["--calc", "--filter", "--outfile", "--writers"];
+
+/// Options as the command line has them.
+fn dashed(code: &str) -> Vec<String> {
+    let is_of_option = |c: char| c.is_ascii_alphanumeric() || c == '-';
+    let words = code.split(|c: char| !is_of_option(c)).map(str::to_owned);
+    let is_option = |word: &String| {
+        word.strip_prefix("--")
+            .is_some_and(|name| name.starts_with(|c: char| c.is_ascii_lowercase()))
+    };
+    words.filter(is_option).filter(|word| !OF_OTHERS.contains(&word.as_str())).collect()
 }
 
 fn plain_faults(text: &str) -> Vec<String> {
@@ -238,6 +256,7 @@ fn every_check_can_fail() {
         ("src/a.rs", "fn f() { unsafe { g() } }", "not listed"),
         ("crates/raster/src/map.rs", "fn f() { unsafe { g() } }", "without a SAFETY"),
         ("crates/raster/src/map.rs", "fn f() {}", "holds none"),
+        ("crates/mesh/src/a.rs", "const A: &str = \"pass --memory\";", "spells --memory"),
         ("tests/a.rs", concat!("// TO", "DO"), "says"),
         ("crates/tin/src/a.rs", &"\n".repeat(MOST_LINES), "lines"),
     ];
@@ -256,6 +275,7 @@ fn sound_files_pass() {
     let good = [
         ("crates/tin/src/a.rs", "// see std::fs and unsafe { } blocks"),
         ("crates/tin/src/a.rs", "#[cfg(test)]\nmod tests {\n    use std::fs;\n}"),
+        ("crates/mesh/src/a.rs", "const A: &str = \"pass ‹memory›, a--b or pdal --writers\";"),
         (OF_FILES, "use std::path::Path;"),
         (
             "crates/raster/src/map.rs",

@@ -209,7 +209,10 @@ struct Output {
 
 impl Verb for Args {
     const NAME: &'static str = "grid";
-    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn usage() -> Option<String> {
+        Some("[OPTIONS] <INPUT>... <OUTPUT>".to_owned())
+    }
 
     fn lists() -> Vec<String> {
         vec![

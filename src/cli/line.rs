@@ -164,9 +164,10 @@ struct Output {
 
 impl Verb for Args {
     const NAME: &'static str = "line";
-    const USAGE: Option<&'static str> = Some(
-        "[OPTIONS] <--tolerance <LENGTH>|--area <A>|--keep-ratio <SHARE>|--keep-count <N>|--target-size <SIZE>> <INPUT>... <OUTPUT>",
-    );
+
+    fn usage() -> Option<String> {
+        Some("[OPTIONS] <--tolerance <LENGTH>|--area <A>|--keep-ratio <SHARE>|--keep-count <N>|--target-size <SIZE>> <INPUT>... <OUTPUT>".to_owned())
+    }
 
     fn lists() -> Vec<String> {
         vec![lists::simplifiers(), lists::features(), lists::EXIT_CODES.to_owned()]

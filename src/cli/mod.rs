@@ -4,21 +4,19 @@
 //! `VERBS`. Verbs take from `shared`, and it takes from none of them. Results go to stdout, progress and
 //! messages to stderr.
 
-mod color_relief;
 mod completions;
 mod contour;
-mod convert;
 mod demo;
 mod grid;
 mod heap;
 mod info;
 mod line;
 mod man;
+mod operation;
 mod plan;
 mod points;
 #[cfg(test)]
 mod reference;
-mod relief;
 mod shared;
 mod signal;
 mod synth;
@@ -37,6 +35,13 @@ use crate::cli::shared::verb::{Call, Entry, Job};
 use crate::cli::shared::{NOT_JUDGED, Outcome, say};
 use crate::error::ErrorKind;
 use crate::jobs::Cancel;
+use crate::jobs::colours::ColorReliefOptions;
+use crate::jobs::contour::ContourOptions;
+use crate::jobs::convert::ConvertOptions;
+use crate::jobs::relief::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
 
 /// All verbs, in the order of the help.
 const VERBS: &[Entry] = &[
@@ -44,20 +49,20 @@ const VERBS: &[Entry] = &[
     Entry::of::<verify::Args>(),
     Entry::of::<info::Args>(),
     Entry::of::<view::Args>(),
-    Entry::of::<convert::Args>(),
+    Entry::of::<operation::Args<ConvertOptions>>(),
     Entry::of::<grid::Args>(),
     Entry::of::<points::Args>(),
-    Entry::of::<contour::Args>(),
+    Entry::of::<operation::Args<ContourOptions>>(),
     Entry::of::<line::Args>(),
     Entry::of::<tiles::Args>(),
-    Entry::of::<relief::Args<relief::Slope>>(),
-    Entry::of::<relief::Args<relief::Aspect>>(),
-    Entry::of::<relief::Args<relief::Hillshade>>(),
-    Entry::of::<color_relief::Args>(),
-    Entry::of::<relief::Args<relief::Curvature>>(),
-    Entry::of::<relief::Args<relief::Roughness>>(),
-    Entry::of::<relief::Args<relief::Tpi>>(),
-    Entry::of::<relief::Args<relief::Tri>>(),
+    Entry::of::<operation::Args<SlopeOptions>>(),
+    Entry::of::<operation::Args<AspectOptions>>(),
+    Entry::of::<operation::Args<HillshadeOptions>>(),
+    Entry::of::<operation::Args<ColorReliefOptions>>(),
+    Entry::of::<operation::Args<CurvatureOptions>>(),
+    Entry::of::<operation::Args<RoughnessOptions>>(),
+    Entry::of::<operation::Args<TpiOptions>>(),
+    Entry::of::<operation::Args<TriOptions>>(),
     Entry::of::<synth::Args>(),
     Entry::of::<plan::Args>(),
     Entry::of::<plan::run::Args>(),

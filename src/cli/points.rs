@@ -125,7 +125,10 @@ pub(super) struct Wanted {
 
 impl Verb for Args {
     const NAME: &'static str = "points";
-    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn usage() -> Option<String> {
+        Some("[OPTIONS] <INPUT>... <OUTPUT>".to_owned())
+    }
 
     fn lists() -> Vec<String> {
         vec![lists::noises(), lists::EXIT_CODES.to_owned()]

@@ -4,15 +4,15 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::cli::convert;
+use crate::atomic;
 use crate::cli::shared::points::parse_format;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, report};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
-use crate::jobs::convert::ConvertJob;
+use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::draw::{self, DrawJob};
 use crate::jobs::survey::{self, SurveyJob};
 use crate::synth::lines::Lines;
@@ -76,14 +76,26 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// A terrain.
 fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let job = ConvertJob {
-        format: Some("store".to_owned()),
-        overwrite: args.overwrite,
-        resources: args.machine.resources(),
-        ..ConvertJob::new(name, &args.output)
-    };
-    convert::check(&job)?;
-    convert::copy(&job, &[], &args.show, cancel)
+    atomic::refuse_stdout(&args.output)?;
+    check::new_file(&args.output, args.overwrite)?;
+    let job = ConvertJob::new(name, &args.output).with(|options| {
+        options.file.format = Some("store".to_owned());
+        options.file.overwrite = args.overwrite;
+        options.resources = args.machine.resources();
+    });
+    let made = convert::run(&job, args.show.progress().as_ref(), cancel);
+    tell(&made.map_err(size)?, args)
+}
+
+/// The size of a terrain was asked for here: beyond a limit, it is no fault of a file.
+fn size(error: Error) -> Error {
+    match error.kind() {
+        ErrorKind::Limit => {
+            Error::usage(format!("a store cannot hold a terrain of this size: {error}"))
+                .remedy("choose a smaller size")
+        }
+        _ => error,
+    }
 }
 
 /// A cloud.

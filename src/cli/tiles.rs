@@ -122,7 +122,10 @@ impl Wanted {
 
 impl Verb for Args {
     const NAME: &'static str = "tiles";
-    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn usage() -> Option<String> {
+        Some("[OPTIONS] <INPUT>... <OUTPUT>".to_owned())
+    }
 
     fn lists() -> Vec<String> {
         vec![lists::grids(), lists::EXIT_CODES.to_owned()]

@@ -6,7 +6,7 @@ use super::run::{Run, output_settings, run_settings};
 use super::verify::VerifyBuilder;
 use terrane_base::{Error, Result};
 use terrane_jobs::bands::Bands;
-use terrane_jobs::reading::Reading;
+use terrane_jobs::options::GridInput;
 use terrane_jobs::tin::{self, Goal, TinJob, TinReport};
 use terrane_jobs::verify::{self, AskedBands, VerifyJob, VerifyReport};
 use terrane_raster::Inputs;
@@ -16,7 +16,7 @@ use terrane_raster::Inputs;
 #[derive(Clone, Debug)]
 pub struct BandGrid {
     inputs: Inputs,
-    reading: Reading,
+    reading: GridInput,
     bands: Vec<u32>,
     weights: Vec<f64>,
     heights: Option<u32>,
@@ -41,7 +41,7 @@ pub struct BandGrid {
 pub fn open_bands(input: impl Into<Inputs>, bands: &[u32]) -> BandGrid {
     BandGrid {
         inputs: input.into(),
-        reading: Reading::default(),
+        reading: GridInput::default(),
         bands: bands.to_vec(),
         weights: Vec::new(),
         heights: None,

@@ -1,18 +1,24 @@
 //! Grids of heights in files and in memory.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::contours::ContourBuilder;
-use super::convert::ConvertBuilder;
 use super::tiles::TilesBuilder;
 use super::tin::TinBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_files::name_of;
-use terrane_jobs::reading::Reading;
-use terrane_jobs::{Resources, memory};
+use terrane_jobs::colours::ColorReliefOptions;
+use terrane_jobs::contour::ContourOptions;
+use terrane_jobs::convert::ConvertOptions;
+use terrane_jobs::operation::{Call, Job, Listed, Operation};
+use terrane_jobs::options::GridInput;
+use terrane_jobs::relief::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
+use terrane_jobs::{Cancel, Progress, Resources, memory};
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
 };
@@ -23,7 +29,7 @@ use terrane_raster::{
 /// (nodata, masked, NaN) are *voids*.
 pub struct Grid {
     pub(super) inputs: Inputs,
-    pub(super) reading: Reading,
+    pub(super) reading: GridInput,
     source: Box<dyn GridSource>,
     /// Gives up what is in memory, once the last one of it is gone.
     held: Option<Arc<HeldGrid>>,
@@ -50,7 +56,7 @@ pub struct Grid {
 /// # }
 /// ```
 pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
-    Grid::open(input.into(), Reading::default())
+    Grid::open(input.into(), GridInput::default())
 }
 
 /// Takes heights in memory for a grid that jobs read as they read those in files; nothing is copied. For a
@@ -74,12 +80,12 @@ pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
 pub fn open_array(grid: ArrayGrid<'static>) -> Result<Grid> {
     let held = HeldGrid::new(grid);
     let inputs = Inputs::labelled(vec![held.name().to_owned()], "array".to_owned());
-    let grid = Grid::open(inputs, Reading::default())?;
+    let grid = Grid::open(inputs, GridInput::default())?;
     Ok(Grid { held: Some(Arc::new(held)), ..grid })
 }
 
 impl Grid {
-    fn open(inputs: Inputs, reading: Reading) -> Result<Self> {
+    fn open(inputs: Inputs, reading: GridInput) -> Result<Self> {
         let usual = OpenOptions::default().cache_bytes;
         let options = reading.options(&Resources::default(), usual)?;
         let source = match raster::open_all(inputs.names(), &options) {
@@ -95,7 +101,7 @@ impl Grid {
     }
 
     /// The same, read otherwise.
-    fn read_as(self, reading: Reading) -> Result<Self> {
+    fn read_as(self, reading: GridInput) -> Result<Self> {
         let Self { inputs, held, .. } = self;
         Ok(Self { held, ..Self::open(inputs, reading)? })
     }
@@ -105,7 +111,7 @@ impl Grid {
     /// # Errors
     /// A band there is not.
     pub fn band(self, band: u32) -> Result<Self> {
-        let reading = Reading { band, ..self.reading.clone() };
+        let reading = GridInput { band, ..self.reading.clone() };
         self.read_as(reading)
     }
 
@@ -114,7 +120,7 @@ impl Grid {
     /// # Errors
     /// As [`open`].
     pub fn nodata(self, value: f64) -> Result<Self> {
-        let reading = Reading { nodata: Some(value), ..self.reading.clone() };
+        let reading = GridInput { nodata: Some(value), ..self.reading.clone() };
         self.read_as(reading)
     }
 
@@ -125,13 +131,13 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
-    /// let dem = terrane::open("synth:rough,size=129,seed=7")?.bbox([500_200.0, 4_749_000.0, 500_700.0, 4_749_500.0])?;
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?.bounds([500_200.0, 4_749_000.0, 500_700.0, 4_749_500.0])?;
     /// assert_eq!((dem.info().width, dem.info().height), (51, 51));
     /// # Ok(())
     /// # }
     /// ```
-    pub fn bbox(self, bbox: [f64; 4]) -> Result<Self> {
-        let reading = Reading { bbox: Some(bbox), ..self.reading.clone() };
+    pub fn bounds(self, bounds: [f64; 4]) -> Result<Self> {
+        let reading = GridInput { bounds: Some(bounds), ..self.reading.clone() };
         self.read_as(reading)
     }
 
@@ -156,7 +162,7 @@ impl Grid {
     /// ```
     pub fn clip(self, polygons: impl AsRef<Path>) -> Result<Self> {
         let clip = Some(name_of(polygons.as_ref().to_path_buf())?);
-        let reading = Reading { clip, ..self.reading.clone() };
+        let reading = GridInput { clip, ..self.reading.clone() };
         self.read_as(reading)
     }
 
@@ -182,7 +188,7 @@ impl Grid {
     /// ```
     pub fn water(self, file: impl AsRef<Path>) -> Result<Self> {
         let water = Some(name_of(file.as_ref().to_path_buf())?);
-        let reading = Reading { water, ..self.reading.clone() };
+        let reading = GridInput { water, ..self.reading.clone() };
         self.read_as(reading)
     }
 
@@ -223,19 +229,147 @@ impl Grid {
         TinBuilder::of(self)
     }
 
-    /// Contour lines of it.
-    pub fn contours(&self) -> ContourBuilder<'_> {
-        ContourBuilder::of(self)
+    /// Contour lines of it: at every interval or at given heights, joined across tiles, voids respected.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("contours.geojson");
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// let report = dem.contour().interval(20.0).write(&path)?;
+    /// assert!(report.levels > 0);
+    /// let path = folder.path().join("degrees.geojson");
+    /// let report = dem.contour().interval(20.0).to_crs("EPSG:4326").write(&path)?;
+    /// assert_eq!(report.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn contour(&self) -> Job<'_, ContourOptions> {
+        self.job()
+    }
+
+    /// A copy of it, or of a part, in another format; exact unless [rounding](Job::round) is allowed. With
+    /// [`resampling`](Job::resampling) it may be on another lattice and in another reference system.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("copy.tif");
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// dem.convert().write(&path)?;
+    /// let copy = terrane::open(&path)?;
+    /// assert_eq!(copy.heights(copy.info().bounds())?, dem.heights(dem.info().bounds())?);
+    /// # let path = folder.path().join("globe.tif");
+    /// dem.convert().to_crs("EPSG:4326").resampling("bilinear").write(&path)?;
+    /// assert_eq!(terrane::open(&path)?.info().crs.epsg, Some(4326));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn convert(&self) -> Job<'_, ConvertOptions> {
+        self.job()
+    }
+
+    /// Its slope at each sample.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("slope.tif");
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// dem.slope().percent(true).creation("COMPRESS", "DEFLATE").format("GTiff").write(&path)?;
+    /// assert!(terrane::open(&path)?.heights(terrane::Rect::new(1, 1, 1, 1))?[0] > 0.0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn slope(&self) -> Job<'_, SlopeOptions> {
+        self.job()
+    }
+
+    /// The direction of steepest descent at each sample.
+    pub fn aspect(&self) -> Job<'_, AspectOptions> {
+        self.job()
+    }
+
+    /// Its shaded relief.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("shade.png");
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// dem.hillshade().altitude(30.0).multidirectional(true).write(&path)?;
+    /// let error = dem.hillshade().azimuth(90.0).multidirectional(true).write(&path).unwrap_err();
+    /// assert!(error.to_string().contains("cannot be used with"));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn hillshade(&self) -> Job<'_, HillshadeOptions> {
+        self.job()
+    }
+
+    /// A picture in the colours that a file has for heights.
+    pub fn color_relief(&self, colors: impl Into<PathBuf>) -> Job<'_, ColorReliefOptions> {
+        self.job().colors(colors)
+    }
+
+    /// Its curvature at each sample.
+    pub fn curvature(&self) -> Job<'_, CurvatureOptions> {
+        self.job()
+    }
+
+    /// The range of heights around each sample.
+    pub fn roughness(&self) -> Job<'_, RoughnessOptions> {
+        self.job()
+    }
+
+    /// The topographic position index of each sample.
+    pub fn tpi(&self) -> Job<'_, TpiOptions> {
+        self.job()
+    }
+
+    /// The terrain ruggedness index of each sample.
+    pub fn tri(&self) -> Job<'_, TriOptions> {
+        self.job()
+    }
+
+    /// An operation on it.
+    fn job<O: Operation>(&self) -> Job<'_, O> {
+        Job::new(self.inputs.clone(), self.reading.clone())
+    }
+
+    /// Runs one of the [`OPERATIONS`](crate::OPERATIONS) with options by name, and tells what its report is as JSON.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("slope.tif");
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// let slope = terrane::OPERATIONS.iter().find(|operation| operation.name == "slope").unwrap();
+    /// let options = serde_json::json!({ "percent": true, "threads": 1 });
+    /// let cancel = terrane::Cancel::default();
+    /// let report = dem.run(slope, &path, options.as_object().unwrap(), &terrane::Silent, &cancel)?;
+    /// assert_eq!(report["width"], 129);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// Options that there are not; else those of [`Job::write`].
+    pub fn run(
+        &self,
+        operation: &Listed,
+        output: &Path,
+        options: &serde_json::Map<String, serde_json::Value>,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<serde_json::Value> {
+        let (inputs, reading) = (&self.inputs, &self.reading);
+        (operation.run)(&Call { inputs, reading, output, options, progress, cancel })
     }
 
     /// Tiles of it for viewers of the globe.
     pub fn tiles(&self) -> TilesBuilder<'_> {
         TilesBuilder::of(self)
-    }
-
-    /// A copy of it, or of a part, in another format.
-    pub fn convert(&self) -> ConvertBuilder<'_> {
-        ConvertBuilder::of(self)
     }
 
     /// The proof of a mesh in a file against this grid.
@@ -264,7 +398,7 @@ mod tests {
         for (name, grid) in [("file", &file), ("array", &array)] {
             let at = |ending: &str| path(&format!("{name}.{ending}"));
             grid.tin().max_error(3.0).tile(64).write(at("ply"))?;
-            grid.contours().every(25.0).write(at("geojson"))?;
+            grid.contour().interval(25.0).write(at("geojson"))?;
             grid.convert().write(at("asc"))?;
             assert!(grid.verify(at("ply")).run()?.verdict.passed);
         }

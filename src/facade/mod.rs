@@ -3,8 +3,6 @@
 
 mod bands;
 mod cloud;
-mod contours;
-mod convert;
 mod features;
 mod grid;
 mod plan;
@@ -19,13 +17,10 @@ mod verify;
 
 pub use bands::{BandGrid, BandTinBuilder, open_bands};
 pub use cloud::{Cloud, CloudTinBuilder, GridBuilder, open_cloud, open_points};
-pub use contours::ContourBuilder;
-pub use convert::ConvertBuilder;
 pub use features::{Features, LineBuilder, open_features};
 pub use grid::{Grid, open, open_array};
 pub use plan::{Plan, PlanBuilder, PlanRun, PlanStatus};
 pub use points::PointsBuilder;
-pub use run::Memory;
 pub use simplify::{Coordinates, Method, Simplify, simplify};
 pub use surface::Surface;
 pub use tiles::TilesBuilder;

@@ -3,40 +3,9 @@
 use std::path::PathBuf;
 
 use terrane_base::{Error, Result};
+use terrane_jobs::operation::Memory;
 use terrane_jobs::transform::Transform;
-use terrane_jobs::{Cancel, Progress, Resources, Silent, memory};
-
-/// An amount of memory: a number of bytes, or a text such as `"512M"` or `"4GiB"`. A text that is none
-/// fails the job it was given to.
-///
-/// ```
-/// # fn main() -> terrane::Result<()> {
-/// let grid = terrane::open("synth:smooth,size=65")?;
-/// let tin = grid.tin().max_error(1.0).memory("256M").build()?;
-/// assert!(grid.tin().max_error(1.0).memory("much").build().is_err());
-/// # Ok(())
-/// # }
-/// ```
-#[derive(Clone, Debug)]
-pub struct Memory(std::result::Result<u64, String>);
-
-impl From<u64> for Memory {
-    fn from(bytes: u64) -> Self {
-        Self(Ok(bytes))
-    }
-}
-
-impl From<&str> for Memory {
-    fn from(text: &str) -> Self {
-        Self(memory::parse(text).ok_or_else(|| text.to_owned()))
-    }
-}
-
-impl From<String> for Memory {
-    fn from(text: String) -> Self {
-        Self::from(text.as_str())
-    }
-}
+use terrane_jobs::{Cancel, Progress, Resources, Silent};
 
 /// What a builder was told of its run.
 pub(super) struct Run {
@@ -65,14 +34,7 @@ impl Run {
     /// What the job may use.
     pub(super) fn resources(&self) -> Result<Resources> {
         let usual = Resources::default();
-        let memory = match &self.memory {
-            None => usual.memory,
-            Some(Memory(Ok(bytes))) => *bytes,
-            Some(Memory(Err(text))) => {
-                return Err(Error::usage(format!("{text:?} is no amount of memory"))
-                    .remedy("give a size such as \"512M\" or \"4GiB\""));
-            }
-        };
+        let memory = self.memory.as_ref().map_or(Ok(usual.memory), Memory::bytes)?;
         let threads = self.threads.map_or(usual.threads, |threads| threads.max(1));
         Ok(Resources { threads, memory, temp_dir: self.temp_dir.clone() })
     }

@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
 use terrane_jobs::grid::GroundFrom;
-use terrane_jobs::reading::Reading;
+use terrane_jobs::options::GridInput;
 use terrane_jobs::tiles::{
     self, Beyond, Format as TilesFormat, GroundModel, PlanJob, TilesJob, TilesReport, run_cloud,
 };
@@ -172,7 +172,7 @@ impl<'a> TilesBuilder<'a> {
     fn job(&self, output: PathBuf) -> Result<TilesJob> {
         let (input, reading) = match self.of {
             Of::Grid(grid) => (grid.inputs.clone(), grid.reading.clone()),
-            Of::Cloud(cloud, _) => (cloud.inputs.clone().into(), Reading::default()),
+            Of::Cloud(cloud, _) => (cloud.inputs.clone().into(), GridInput::default()),
         };
         let (overwrite, resources) = (self.run.overwrite, self.run.resources()?);
         Ok(TilesJob { input, reading, output, overwrite, resources, ..self.job.clone() })

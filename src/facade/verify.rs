@@ -10,7 +10,7 @@ use terrane_base::Result;
 use terrane_base::bound::Bound;
 use terrane_files::name_of;
 use terrane_jobs::line::Length;
-use terrane_jobs::reading::Reading;
+use terrane_jobs::options::GridInput;
 use terrane_jobs::verify::{
     self, CloudVerifyJob, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyJob,
     VerifyReport,
@@ -64,7 +64,7 @@ impl<'a, T> VerifyBuilder<'a, T> {
     }
 
     /// The job of proving a mesh against a grid, as far as builders say it alike.
-    pub(super) fn mesh_job(&self, raster: &Inputs, reading: &Reading) -> Result<VerifyJob> {
+    pub(super) fn mesh_job(&self, raster: &Inputs, reading: &GridInput) -> Result<VerifyJob> {
         let name = |file: &Option<PathBuf>| file.clone().map(name_of).transpose();
         Ok(VerifyJob {
             mesh: self.file.clone(),

@@ -344,7 +344,7 @@ fn options_that_cannot_act_are_refused_by_name() {
         &["view", terrain, "-o", "out.png"],
         &["convert", terrain, "out.tif"],
     ] {
-        place.fails(&[args, &["--band", "1"]].concat(), 2, &["synth:rough", "--band"]);
+        place.fails(&[args, &["--band", "2"]].concat(), 2, &["synth:rough", "--band"]);
         place.fails(&[args, &["--nodata", "-1"]].concat(), 2, &["synth:rough", "--nodata"]);
     }
     for option in [["--threads", "1"], ["--memory", "1G"], ["--temp-dir", "."]] {

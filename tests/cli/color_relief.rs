@@ -128,7 +128,7 @@ fn what_cannot_be_is_refused_by_name() {
     let fails = |names: &[&str], code: i32, words: &[&str]| {
         place.fails(&[&["color-relief"][..], names].concat(), code, words);
     };
-    fails(&[dem, "o.tif"], 2, &["a file of colours"]);
+    fails(&[dem, "o.tif"], 2, &["COLORS"]);
     fails(&[dem, "no.txt", "o.tif"], 65, &["no.txt"]);
     fails(&[dem, "bad.txt", "o.tif"], 65, &["bad.txt", "line 2", "mauve"]);
     fails(&[dem, "none.txt", "o.tif"], 65, &["none.txt", "names no colour"]);

@@ -446,8 +446,8 @@ fn a_proof_that_reads_its_files_repeatedly_finds_the_same() {
     };
     let whole = prove("1G", "1");
     assert!(whole["crossings"][2].as_u64().unwrap() > 1000 && whole["moved"].as_u64().unwrap() > 0);
-    assert_eq!(prove("19M", "2"), whole);
-    let small = ["verify", "b.wkt", "a.wkt", "--memory", "17M"];
+    assert_eq!(prove("21M", "2"), whole);
+    let small = ["verify", "b.wkt", "a.wkt", "--memory", "19M"];
     place.write("a.wkt", zigzags(1, 1).replace(")", &", 1 1".repeat(50_000)) + ")");
     place.write("b.wkt", "LINESTRING (0 0, 1 1)");
     place.fails(&small, 75, &["a.wkt", "feature", "--memory"]);

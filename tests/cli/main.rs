@@ -29,6 +29,7 @@ mod line_hierarchy;
 mod manners;
 mod many;
 mod mosaic;
+mod operations;
 mod parts;
 mod pipes;
 mod plan_cloud;

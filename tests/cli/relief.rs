@@ -148,7 +148,7 @@ fn what_cannot_be_is_refused_by_name() {
     place.fails(&["hillshade", dem, "p.tif", "--altitude", "91"], 2, &["--altitude"]);
     place.fails(&["slope", dem, "p.tif", "--scale", "0"], 2, &["--scale"]);
     for verb in ["roughness", "tpi", "tri"] {
-        place.fails(&[verb, dem, "p.tif", "--scale", "2"], 2, &["--scale is for slopes", verb]);
+        place.fails(&[verb, dem, "p.tif", "--scale", "2"], 2, &["--scale", verb]);
     }
     place.fails(&["slope", "m.ply", "p.tif"], 65, &["m.ply"]);
 }

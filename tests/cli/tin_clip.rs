@@ -128,7 +128,7 @@ fn threads_memory_plans_and_formats_leave_no_trace() {
     let make = [&["tin", TERRAIN, "a.ply", "--clip", "areas.geojson"][..], &MAKE].concat();
     place.ok(&make);
     let expected = place.bytes("a.ply");
-    for machine in [&["--threads", "1"][..], &["--threads", "3", "--memory", "26M"]] {
+    for machine in [&["--threads", "1"][..], &["--threads", "3", "--memory", "28M"]] {
         place.ok(&[&make[..], machine, &["--overwrite"]].concat());
         assert!(place.bytes("a.ply") == expected, "{machine:?}");
     }

@@ -192,7 +192,7 @@ fn what_cannot_be_made_level_is_refused() {
         let args = ["convert", TERRAIN, "a.tif", "--water", file];
         place.fails(&args, code, &[&[file][..], words].concat());
     };
-    convert("lost.geojson", 65, &["no such file", "a file of water"]);
+    convert("lost.geojson", 65, &["no such file", "check the name"]);
     place.write("none.geojson", collection(&[line(&[[1.0, 1.0], [9.0, 9.0]])]));
     convert("none.geojson", 65, &["has no polygon"]);
     place.write("peak.wkt", "POINT (500010 4749990)").write("peak.prj", "EPSG:32631");
@@ -213,11 +213,6 @@ fn what_cannot_be_made_level_is_refused() {
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--water", "--min-angle"]);
     place.fails(&[&job[..], &["--method", "drop"]].concat(), 2, &["has no --water"]);
     place.fails(&[&job[..], &["--bands", "1"]].concat(), 2, &["--bands has no --water"]);
-    place.fails(
-        &["contour", TERRAIN, "-o", "c.fgb", "--interval", "9", "--water", "water.geojson"],
-        2,
-        &["--water"],
-    );
     place.ok(&["synth", "cloud,size=20,density=2,seed=5", "a.laz", "-q"]);
     let cloud = ["tin", "a.laz", "c.ply", "--max-error", "1"];
     place.fails(&[&cloud[..], &WATER].concat(), 2, &["--water is for grids"]);

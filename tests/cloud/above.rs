@@ -251,7 +251,7 @@ fn neither_filters_nor_memory_nor_threads_change_what_is_told() {
         let resources = Resources { threads: 1, memory: 1 << 20, temp_dir: None };
         let job = TranslateJob { above: asked.clone(), resources, ..job(&[&input], &output) };
         let error = run(&job).unwrap_err().to_string();
-        let advised = error.split("--memory ").nth(1).and_then(|text| text.split('M').next());
+        let advised = error.split("‹memory› ").nth(1).and_then(|text| text.split('M').next());
         advised.unwrap().parse::<u64>().unwrap()
     };
     for (threads, memory) in [(1, least), (3, least + 100), (2, 4096)] {
@@ -290,9 +290,9 @@ fn what_the_ground_cannot_tell_is_refused() {
     refused(above(None, &["height:64=3"]), "point format 3 has no class 64");
     refused(
         Above { from: GroundFrom::Class, ..above(None, &["ground"]) },
-        "--classify ground cannot act",
+        "‹classify› ground cannot act",
     );
-    refused(Above { from: GroundFrom::FILTER, ..Above::default() }, "--ground cannot act");
+    refused(Above { from: GroundFrom::FILTER, ..Above::default() }, "‹ground› cannot act");
     let few = survey(&place, "cloud,size=30,density=4,seed=2", 6, "few.laz");
     let filter = Filter { z_range: Some([1e5, 2e5]), ..Filter::default() };
     let options = OpenOptions { filter, ..OpenOptions::default() };

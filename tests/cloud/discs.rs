@@ -72,7 +72,7 @@ fn least_memory(place: &Place, made: &Made) -> u64 {
     let output = place.path().join("out.las");
     let job = TranslateJob { distance: Some(1.0), resources, ..job(&[&input], &output) };
     let told = run(&job).unwrap_err().to_string();
-    let advised = told.split("--memory ").nth(1).and_then(|text| text.split('M').next());
+    let advised = told.split("‹memory› ").nth(1).and_then(|text| text.split('M').next());
     advised.unwrap().parse::<u64>().unwrap() << 20
 }
 

@@ -384,7 +384,7 @@ fn systems_must_agree() {
         (cloud.info().crs.epsg, cloud.info().crs.horizontal_unit()),
         (Some(32_611), "metre")
     );
-    for (second, words) in [(&other, "EPSG:2154"), (&none, "--crs")] {
+    for (second, words) in [(&other, "EPSG:2154"), (&none, "‹crs›")] {
         let error = cloud::open(&[utm.clone(), second.clone()], &keep_all()).err().unwrap();
         let told = error.to_string();
         assert!(told.contains("utm.las") && told.contains(words), "{told}");
@@ -411,7 +411,7 @@ fn text_clouds() {
     assert_eq!(read_file(&csv, &ground).unwrap().0, [[4.0, 5.0, 6.0]]);
     let bad = place.write("c.txt", b"1 2 3\n1 2 x\n4 5 6\n");
     let told = read_file(&bad, &options).unwrap_err().to_string();
-    assert!(told.contains("c.txt: line 2:") && told.contains("--salvage"), "{told}");
+    assert!(told.contains("c.txt: line 2:") && told.contains("‹salvage›"), "{told}");
     let loose = OpenOptions { salvage: true, ..keep_all() };
     let (points, census) = read_file(&bad, &loose).unwrap();
     assert_eq!((points.len(), census.read, census.lost), (2, 3, 1));

@@ -143,7 +143,7 @@ fn least_memory(input: &str, output: &Path, above: &Above) -> u64 {
     let resources = Resources { threads: 1, memory: 1 << 20, temp_dir: None };
     let job = TranslateJob { above: above.clone(), resources, ..job(&[input], output) };
     let told = run(&job).unwrap_err().to_string();
-    let advised = told.split("--memory ").nth(1).and_then(|text| text.split('M').next());
+    let advised = told.split("‹memory› ").nth(1).and_then(|text| text.split('M').next());
     advised.unwrap().parse::<u64>().unwrap() << 20
 }
 

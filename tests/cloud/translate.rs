@@ -166,7 +166,7 @@ fn formats_are_changed_or_refused() {
             let error = run(&TranslateJob { format, ..job(&[&wide], &output) }).unwrap_err();
             let told = error.to_string();
             assert!(told.contains(word) && told.contains("point 217"), "{number}: {told}");
-            assert!(told.contains("--point-format from 6 on"), "{number}: {told}");
+            assert!(told.contains("‹point_format› from 6 on"), "{number}: {told}");
         }
     }
     assert!(output.exists(), "the one that was there stays");
@@ -449,7 +449,7 @@ fn what_is_too_little_is_told_and_what_is_advised_is_enough() {
         };
         let error = with(1 << 20).unwrap_err().to_string();
         let advised =
-            error.split("--memory ").nth(1).and_then(|text| text.split('M').next()).unwrap();
+            error.split("‹memory› ").nth(1).and_then(|text| text.split('M').next()).unwrap();
         with(advised.parse::<u64>().unwrap() << 20).unwrap();
     }
     assert_eq!(usize::from(RECORD[7]), PointFormat::new(7).unwrap().size());

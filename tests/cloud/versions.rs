@@ -107,7 +107,7 @@ fn las_1_5_is_read_with_its_times_and_written_where_it_is_asked_for() {
     let input = place.write("in.las", &bytes);
     let told = run(&job(&[&input], &output)).unwrap_err().to_string();
     assert!(told.contains("less 1300 million seconds"), "{told}");
-    assert!(told.contains("--las-version 1.5"), "{told}");
+    assert!(told.contains("‹las_version› 1.5"), "{told}");
     run(&TranslateJob { version, ..job(&[&input], &output) }).unwrap();
     let written = std::fs::read(&output).unwrap();
     assert_eq!(written[ENCODING] & 65, 65);

@@ -82,14 +82,14 @@ fn a_cut_file_gives_its_whole_records_or_chunks() {
     let bytes = made.bytes();
     let (strict, loose) = both(&place.write("a.las", &bytes[..bytes.len() - 31]));
     let told = strict.unwrap_err().to_string();
-    assert!(told.contains("100 points claimed, 98 there") && told.contains("--salvage"), "{told}");
+    assert!(told.contains("100 points claimed, 98 there") && told.contains("‹salvage›"), "{told}");
     let (points, census) = loose.unwrap();
     assert_eq!((points.as_slice(), census.lost), (&made.world()[..98], 2));
     let made = Made::new(6, Packing::Fixed(30), 100);
     let bytes = made.bytes();
     let (strict, loose) = both(&place.write("a.laz", &bytes[..bytes.len() - 200]));
     let told = strict.unwrap_err().to_string();
-    assert!(told.contains("chunk table") && told.contains("--salvage"), "{told}");
+    assert!(told.contains("chunk table") && told.contains("‹salvage›"), "{told}");
     let (points, census) = loose.unwrap();
     assert_eq!((points.as_slice(), census.lost), (&made.world()[..90], 10));
 }
@@ -105,7 +105,7 @@ fn a_broken_chunk_leaves_the_others() {
     let (strict, loose) = both(&place.write("a.laz", &bytes));
     let told = strict.unwrap_err().to_string();
     assert!(
-        told.contains("a.laz: chunk 0, points 0 to 49:") && told.contains("--salvage"),
+        told.contains("a.laz: chunk 0, points 0 to 49:") && told.contains("‹salvage›"),
         "{told}"
     );
     let (points, census) = loose.unwrap();

@@ -216,7 +216,7 @@ fn order_parts_threads_and_memory_leave_no_trace() {
     };
     let (report, expected) = run_as(&points, 60_000, 1, 4 << 30);
     assert_eq!(report.run.spilled_bytes, Some(0));
-    let (report, bytes) = run_as(&points, 1000, 1, 39 << 20);
+    let (report, bytes) = run_as(&points, 1000, 1, 41 << 20);
     assert!(
         report.run.spilled_bytes > Some(0) && bytes == expected,
         "{:?} spilled",
@@ -403,7 +403,7 @@ fn what_cannot_be_is_refused_with_its_remedy() {
         GridJob { placement: align, compat: Compat::Pdal, ..job(&path("a.tif"), "mean", 1.0) };
     fails(&pdal, "PDAL's grids begin at the lowest point");
     let like = Placement { like: Some("x.tif".into()), ..Placement::new([1.0; 2]) };
-    fails(&GridJob { placement: like, ..job(&path("a.tif"), "mean", 1.0) }, "--like has cells");
+    fails(&GridJob { placement: like, ..job(&path("a.tif"), "mean", 1.0) }, "‹like› has cells");
 }
 
 #[test]

@@ -178,7 +178,7 @@ fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
         let (whole, spilled) = bytes(1, 2048);
         assert!(!spilled);
         assert!(whole == bytes(3, 2048).0, "threads left a trace");
-        let (small, _) = bytes(2, 124);
+        let (small, _) = bytes(2, 128);
         assert!(whole == small, "the budget left a trace");
         let all = read(&place.path("a.tif"), 1);
         let mut job = GridJob::of_preset([name], place.path("b.tif"), kind, 0.5);

@@ -108,8 +108,8 @@ fn a_clipped_grid_is_clipped_whatever_is_made_of_it() {
     assert!(bytes("planned.ply") == bytes("mesh.ply"));
     grid.convert().write(path("masked.tif")).unwrap();
     let masked = terrane::open(path("masked.tif")).unwrap();
-    masked.contours().every(20.0).write(path("by_hand.geojson")).unwrap();
-    grid.contours().every(20.0).write(path("clipped.geojson")).unwrap();
+    masked.contour().interval(20.0).write(path("by_hand.geojson")).unwrap();
+    grid.contour().interval(20.0).write(path("clipped.geojson")).unwrap();
     assert!(bytes("clipped.geojson") == bytes("by_hand.geojson"));
     let other = terrane::open(NAME).unwrap().clip(path("mesh.ply"));
     assert_eq!(other.err().map(|e| e.kind()), Some(ErrorKind::BadInput));
@@ -226,7 +226,7 @@ fn meshes_contours_and_lines_are_written_in_another_system() {
         assert!((high[2] - low[2] - 48.5).abs() < 1e-9 && high[..2] == low[..2]);
         assert!((-180.0..180.0).contains(&low[0]) && (-90.0..90.0).contains(&low[1]));
     }
-    let lines = || grid.contours().every(50.0);
+    let lines = || grid.contour().interval(50.0);
     lines().write(path("metres.wkt")).unwrap();
     let made = lines().to_crs("EPSG:4326").write(path("degrees.geojson")).unwrap();
     assert_eq!(made.transformed.unwrap().crs, "EPSG:4326 (WGS 84)");
@@ -317,7 +317,7 @@ fn jobs_tell_how_far_they_are_and_can_be_stopped() {
     let kind = |error: terrane::Error| error.kind();
     let path = |name: &str| folder.path().join(name);
     let mesh = grid.tin().max_error(5.0).cancel(&cancel).write(path("a.ply")).map(drop);
-    let lines = grid.contours().every(5.0).cancel(&cancel).write(path("a.geojson")).map(drop);
+    let lines = grid.contour().interval(5.0).cancel(&cancel).write(path("a.geojson")).map(drop);
     let copy = grid.convert().cancel(&cancel).write(path("a.tif")).map(drop);
     let cloud = terrane::open_cloud("synth:cloud,size=50,density=2,seed=7").unwrap();
     let cells = cloud.grid(1.0).cancel(&cancel).write(path("b.tif")).map(drop);

@@ -7,11 +7,11 @@ use std::collections::HashMap;
 
 use crate::data;
 use proptest::prelude::*;
-use support::{Grid, Line, first_meeting, job, lines_of, made, read, units};
+use support::{Grid, Heights, Line, first_meeting, job, lines_of, made, read, units};
 use terrane::ErrorKind;
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_contour::{self as contour, Levels, Lines, Scratch, Window};
-use terrane_jobs::contour::{ContourJob, Heights, trace};
+use terrane_jobs::contour::trace;
 use terrane_jobs::line::Length;
 use terrane_jobs::{Cancel, Silent};
 use terrane_proof::lines::{self, Distance, Question};
@@ -235,8 +235,8 @@ fn the_same_bytes_for_any_threads_memory_and_tiles() {
     let run = |name: &str, tile, threads, memory: u64, tolerance: Option<f64>| {
         let path = folder.path().join(name);
         let mut job = job("synth:rough,size=700,seed=5", &path, 2.0, tile, threads);
-        job.resources.memory = memory << 20;
-        job.tolerance = tolerance.map(units);
+        job.options.resources.memory = memory << 20;
+        job.options.tolerance = tolerance.map(units);
         let report = made(&job).unwrap();
         (std::fs::read(&path).unwrap(), report)
     };
@@ -247,7 +247,7 @@ fn the_same_bytes_for_any_threads_memory_and_tiles() {
     );
     let mut spilled = 0;
     for (name, tile, threads, memory) in
-        [("b.geojson", 64, 1, 32), ("c.geojson", 100, 3, 1024), ("d.geojson", 350, 2, 64)]
+        [("b.geojson", 64, 1, 34), ("c.geojson", 100, 3, 1024), ("d.geojson", 350, 2, 64)]
     {
         let (bytes, report) = run(name, tile, threads, memory, None);
         assert!(bytes == expected, "{name}");
@@ -268,7 +268,7 @@ fn simplified_terrain_crosses_nothing() {
         let run = |tolerance: Option<f64>| {
             let path = folder.path().join("lines.geojson");
             let mut job = job(terrain, &path, 5.0, tile, 2);
-            (job.tolerance, job.overwrite) = (tolerance.map(units), true);
+            (job.options.tolerance, job.options.file.overwrite) = (tolerance.map(units), true);
             made(&job).unwrap();
             read(&path, "elev")
         };
@@ -297,7 +297,7 @@ fn every_format_that_is_written_holds_them() {
     for format in vector::FORMATS.iter().filter(|format| format.create.is_some()) {
         let path = folder.path().join("lines").with_extension(format.extensions[0]);
         let mut job = job("memory", &path, 0.25, 16, 1);
-        (job.attribute, job.with_z) = ("height".to_owned(), true);
+        (job.options.attribute, job.options.with_z) = ("height".to_owned(), true);
         let report = trace(&grid, &job, &Silent, &Cancel::default()).unwrap();
         assert_eq!((report.format.as_str(), report.lines), (format.name, expected.len() as u64));
         let found = read(&path, "height");
@@ -319,8 +319,8 @@ fn lists_of_levels_and_grids_without_lines() {
     let mut wanted = job(TERRAIN, &path, 1.0, 64, 1);
     let all = made(&wanted).unwrap();
     let (low, high) = (all.lowest.unwrap() + 3.5, all.highest.unwrap() - 7.0);
-    wanted.heights = Heights::List(vec![high, -1e9, low, high]);
-    wanted.overwrite = true;
+    Heights::List(vec![high, -1e9, low, high]).of(&mut wanted.options);
+    wanted.options.file.overwrite = true;
     let report = made(&wanted).unwrap();
     assert_eq!((report.levels, report.lowest, report.highest), (2, Some(low), Some(high)));
     for (width, height) in [(1, 1), (1, 9), (40, 1), (33, 33)] {
@@ -364,7 +364,7 @@ fn tolerances_have_units() {
     let run = |grid: &Grid, value, unit| {
         let path = folder.path().join("lines.geojson");
         let mut job = job("memory", &path, 0.2, 32, 2);
-        (job.tolerance, job.overwrite) = (Some(Length { value, unit }), true);
+        (job.options.tolerance, job.options.file.overwrite) = (Some(Length { value, unit }), true);
         let report = trace(grid, &job, &Silent, &Cancel::default())?;
         Ok::<_, terrane::Error>((read(&path, "elev"), report))
     };
@@ -388,7 +388,7 @@ fn tolerances_have_units() {
     assert_eq!(in_feet, run(&grid, 50.0 * 0.3048, None).unwrap().0);
     // What cannot be told is refused.
     let unknown = run(&waves(0.0, 0.0, 1.0, Crs::default()), 40.0, Some(1.0)).unwrap_err();
-    assert!(unknown.to_string().contains("--tolerance"), "{unknown}");
+    assert!(unknown.to_string().contains("‹tolerance›"), "{unknown}");
     let beyond = run(&waves(0.0, 90.01, 0.001, degrees), 40.0, Some(1.0)).unwrap_err();
     assert!(beyond.to_string().contains("beyond 90 degrees"), "{beyond}");
 }
@@ -400,7 +400,8 @@ fn index_contours_are_marked() {
     for name in ["a.geojson", "a.fgb", "a.shp"] {
         let path = folder.path().join(name);
         let mut job = job("memory", &path, 0.25, 32, 1);
-        (job.index, job.heights) = (Some(4), Heights::Every { interval: 0.25, base: 0.5 });
+        job.options.index = Some(4);
+        Heights::Every { interval: 0.25, base: 0.5 }.of(&mut job.options);
         trace(&grid, &job, &Silent, &Cancel::default()).unwrap();
         let mut source = vector::open(&path, &Default::default()).unwrap();
         let mut marked = 0;
@@ -424,12 +425,12 @@ fn what_does_not_fit_into_memory_is_refused() {
         let grid = Grid::new(600, 600, Affine::LATTICE, heights);
         let path = folder.path().join("a.geojson");
         let mut job = job("memory", &path, 1.0, 64, 1);
-        job.heights = Heights::List(vec![0.5]);
-        job.resources.memory = 32 << 20;
+        Heights::List(vec![0.5]).of(&mut job.options);
+        job.options.resources.memory = 34 << 20;
         let error = trace(&grid, &job, &Silent, &Cancel::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
         let told = error.to_string();
-        assert!(told.contains(words) && told.contains("--memory"), "{told}");
+        assert!(told.contains(words) && told.contains("‹memory›"), "{told}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     };
     // A winding corridor: one line around it.
@@ -460,32 +461,35 @@ fn what_cannot_be_is_refused_before_the_work() {
     for heights in
         [every(0.0), every(f64::NAN), Heights::List(vec![]), Heights::List(vec![f64::NAN])]
     {
-        fails(&ContourJob { heights, ..usual() }, ErrorKind::Usage, "");
+        let mut job = usual();
+        heights.of(&mut job.options);
+        fails(&job, ErrorKind::Usage, "");
     }
     let mut job = usual();
-    (job.index, job.heights) = (Some(5), Heights::List(vec![1.0]));
-    fails(&job, ErrorKind::Usage, "--index");
+    job.options.index = Some(5);
+    Heights::List(vec![1.0]).of(&mut job.options);
+    fails(&job, ErrorKind::Usage, "‹index›");
     job = usual();
-    (job.index, job.attribute) = (Some(5), "index".to_owned());
-    fails(&job, ErrorKind::Usage, "--attribute");
+    (job.options.index, job.options.attribute) = (Some(5), "index".to_owned());
+    fails(&job, ErrorKind::Usage, "‹attribute›");
     job = usual();
-    job.tile = 8;
+    job.options.tile = 8;
     fails(&job, ErrorKind::Usage, "choose 16 to 8192");
     job = usual();
-    job.tolerance = Some(units(-1.0));
+    job.options.tolerance = Some(units(-1.0));
     fails(&job, ErrorKind::Usage, "tolerance");
     job = usual();
     job.output = folder.path().join("a.topojson");
     fails(&job, ErrorKind::Usage, "TopoJSON");
     job = usual();
-    job.resources.memory = 4 << 20;
-    fails(&job, ErrorKind::Resource, "--memory");
+    job.options.resources.memory = 4 << 20;
+    fails(&job, ErrorKind::Resource, "‹memory›");
     job = usual();
-    job.heights = every(1e-4);
-    fails(&job, ErrorKind::Resource, "--interval");
+    every(1e-4).of(&mut job.options);
+    fails(&job, ErrorKind::Resource, "‹interval›");
     job = usual();
-    job.heights = every(1e-12);
-    fails(&job, ErrorKind::BadInput, "--interval");
+    every(1e-12).of(&mut job.options);
+    fails(&job, ErrorKind::BadInput, "‹interval›");
     std::fs::write(&path, "mine").unwrap();
     assert_eq!(made(&usual()).unwrap_err().kind(), ErrorKind::Usage);
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use terrane::ErrorKind;
-use terrane_jobs::contour::{self, ContourJob, Heights};
+use terrane_jobs::contour::{self, ContourJob, ContourOptions};
 use terrane_jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
 use terrane_jobs::verify::{LineVerifyJob, verify_lines};
 use terrane_jobs::{Cancel, Resources, Silent};
@@ -364,11 +364,10 @@ fn contours_do_not_cross_as_they_are_rounded() {
         (0..40).map(|_| (0..40).map(|_| format!("{:.3} ", rough())).collect::<String>() + "\n");
     let head = "ncols 40\nnrows 40\nxllcorner 0\nyllcorner 0\ncellsize 1\n";
     std::fs::write(path("a.asc"), head.to_owned() + &rows.collect::<String>()).unwrap();
-    let heights = Heights::Every { interval: 1.0, base: 0.0 };
-    let job = ContourJob {
-        resources: resources(),
-        ..ContourJob::new(path("a.asc").to_str().unwrap(), path("a.geojson"), heights)
-    };
+    let interval = Some(1.0);
+    let options = ContourOptions { interval, resources: resources(), ..ContourOptions::default() };
+    let input = path("a.asc").to_str().unwrap().into();
+    let job = ContourJob { input, output: path("a.geojson"), options };
     contour::run(&job, &Silent, &Cancel::default()).unwrap();
     let mut told = 0;
     for decimals in [0, 1, 2] {

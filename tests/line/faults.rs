@@ -321,7 +321,7 @@ fn without_a_tolerance_distances_are_not_judged() {
     assert!(convert(&original, &lines));
     let report = prove(&proof(lines, original, None));
     assert!(report.verdict.passed && !report.verdict.judged, "{report:?}");
-    assert!(report.verdict.not_judged[0].contains("--tolerance"), "{report:?}");
+    assert!(report.verdict.not_judged[0].contains("‹tolerance›"), "{report:?}");
 }
 
 /// A world of features that are as odd as may be: small whole coordinates, so that vertices repeat and

@@ -413,7 +413,7 @@ fn borders_that_almost_match_name_the_distance_to_try() {
         let loose = simplify(&job);
         let note = loose.notes.iter().find(|note| note.contains("borders almost match")).unwrap();
         assert!(
-            note.ends_with("; try --snap 1e-6") || note.ends_with("; try --snap 1e-7"),
+            note.ends_with("; try ‹snap› 1e-6") || note.ends_with("; try ‹snap› 1e-7"),
             "{note}"
         );
         let distance = note.rsplit(' ').next().unwrap().parse::<f64>().unwrap();

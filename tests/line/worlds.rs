@@ -488,7 +488,7 @@ fn what_is_not_looked_at_is_told() {
     let (report, _) = simplify(folder.path(), &all, &way);
     assert_eq!(
         report.notes,
-        ["90000 pairs of segments meet; whether they did before --snap 0.2 is known of 65536 only"]
+        ["90000 pairs of segments meet; whether they did before ‹snap› 0.2 is known of 65536 only"]
     );
 }
 

@@ -504,7 +504,7 @@ fn a_band_that_is_not_there() {
     let folder = tempfile::tempdir().unwrap();
     bil().write(folder.path());
     let error = open_band(&folder.path().join("a.bil"), 3).err().unwrap().to_string();
-    assert!(error.contains("the file has 2 bands; give --band 1 to 2"), "{error}");
+    assert!(error.contains("the file has 2 bands; give ‹band› 1 to 2"), "{error}");
 }
 
 #[test]

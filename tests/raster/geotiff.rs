@@ -104,7 +104,7 @@ fn declared_and_given_nodata() {
     assert_eq!(voids(&OpenOptions { nodata: Some(2.0), ..OpenOptions::default() }), [2]);
     spec.extra = vec![(42113, Value::Text("none".to_owned()))];
     let error = refusal(&folder.write(&spec, ramp), &OpenOptions::default()).to_string();
-    assert!(error.contains("\"none\"") && error.contains("--nodata"), "{error}");
+    assert!(error.contains("\"none\"") && error.contains("‹nodata›"), "{error}");
 }
 
 #[test]

@@ -118,7 +118,9 @@ fn masks_beside_the_file_make_voids_even_beside_a_store() {
     assert_masked(&path, 1, "beside");
     assert_masked(&store, 1, "beside a store");
     assert_eq!(details(&path, "mask"), ["b.tif.msk"]);
-    let again = ConvertJob { overwrite: true, ..job };
+    let again = job.with(|options| {
+        options.file.overwrite = true;
+    });
     let error = convert::run(&again, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::CannotWrite);
     assert!(error.to_string().contains("c.tif.msk: is the mask of an earlier file"), "{error}");
@@ -241,8 +243,8 @@ fn a_masked_grid_of_integers_needs_a_nodata_value_to_be_converted() {
     let store = folder.path().join("s.tif");
     let mut job = ConvertJob::new(path.to_str().unwrap(), &store);
     let error = convert::run(&job, &Silent, &Cancel::default()).unwrap_err().to_string();
-    assert!(error.contains("--nodata"), "{error}");
-    job.reading.nodata = Some(-9999.0);
+    assert!(error.contains("‹nodata›"), "{error}");
+    job.options.grid.nodata = Some(-9999.0);
     convert::run(&job, &Silent, &Cancel::default()).unwrap();
     assert_masked(&store, 1, "converted");
 }

@@ -231,7 +231,7 @@ fn an_old_sidecar_is_not_left_beside_a_new_file() {
         let sidecar = put(folder.path(), &format!("{name}.aux.xml"), PAM.as_bytes());
         let output = folder.path().join(name);
         let mut job = ConvertJob::new(input.to_str().unwrap(), &output);
-        job.format = format.map(str::to_owned);
+        job.options.file.format = format.map(str::to_owned);
         let error = convert::run(&job, &Silent, &Cancel::default()).unwrap_err();
         assert_eq!((error.kind(), error.path()), (ErrorKind::CannotWrite, Some(&*sidecar)));
         assert!(!output.exists());
@@ -284,7 +284,7 @@ fn what_is_unpacked_goes_where_the_user_says() {
     for name in &names {
         assert!(open(name, &there).is_ok(), "{name}");
         let told = open(name, &lost).err().expect("nowhere to unpack").to_string();
-        assert!(told.contains("temporary folder") && told.contains("--temp-dir"), "{told}");
+        assert!(told.contains("temporary folder") && told.contains("‹temp_dir›"), "{told}");
         assert!(!told.contains("at path"), "{told}");
     }
     let both = [names[0].clone(), names[0].clone()];

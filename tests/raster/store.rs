@@ -106,7 +106,7 @@ impl GridSource for MemoryGrid {
 
 fn job(output: &Path) -> ConvertJob {
     let mut job = ConvertJob::new("memory", output);
-    job.resources.threads = 2;
+    job.options.resources.threads = 2;
     job
 }
 
@@ -150,7 +150,13 @@ fn every_type_and_odd_size_comes_back() {
     for (sample_type, (width, height)) in TYPES.into_iter().flat_map(|t| sizes.map(|s| (t, s))) {
         let path = folder.path().join(format!("{}_{width}x{height}.tif", sample_type.name()));
         let grid = MemoryGrid::new(sample_type, width, height);
-        let report = convert(&grid, &ConvertJob { creation: tiles(256), ..job(&path) }).unwrap();
+        let report = convert(
+            &grid,
+            &job(&path).with(|options| {
+                options.written.co = tiles(256);
+            }),
+        )
+        .unwrap();
         let store = open(&path);
         let valid = grid.window(grid.info.bounds()).filter(|z| !z.is_nan()).count() as u64;
         assert_eq!((report.samples, report.valid_samples), (grid.stored.len() as u64, valid));
@@ -168,7 +174,13 @@ fn windows_of_a_store_are_windows_of_the_grid_even_after_release() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let grid = MemoryGrid::new(SampleType::I16, 1111, 777);
-    convert(&grid, &ConvertJob { creation: tiles(256), ..job(&path) }).unwrap();
+    convert(
+        &grid,
+        &job(&path).with(|options| {
+            options.written.co = tiles(256);
+        }),
+    )
+    .unwrap();
     let store = open(&path);
     let windows = [
         [0, 0, 1111, 777],
@@ -246,8 +258,8 @@ fn the_bytes_do_not_depend_on_threads_or_memory() {
     for (threads, memory) in [(1, 4096), (2, 14), (8, 4096), (3, 26)] {
         let path = folder.path().join(format!("{threads}_{memory}.tif"));
         let mut job = job(&path);
-        job.resources.threads = threads;
-        job.resources.memory = memory << 20;
+        job.options.resources.threads = threads;
+        job.options.resources.memory = memory << 20;
         assert!(convert(&grid, &job).unwrap().run.threads <= threads);
         files.push(std::fs::read(&path).unwrap());
     }
@@ -456,7 +468,7 @@ fn voids_without_a_value_for_them_are_refused_with_the_place() {
     let error = convert(&grid, &job(&path)).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::BadInput);
     let text = error.to_string();
-    assert!(text.contains("column 650, row 299") && text.contains("--nodata"), "{text}");
+    assert!(text.contains("column 650, row 299") && text.contains("‹nodata›"), "{text}");
     // Floats have NaN for it.
     grid.info.sample_type = SampleType::F32;
     convert(&grid, &job(&path)).unwrap();
@@ -503,7 +515,14 @@ fn an_existing_output_stays_unless_told_otherwise() {
     let error = run(&first, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Usage);
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
-    run(&ConvertJob { overwrite: true, ..first }, &Silent, &Cancel::default()).unwrap();
+    run(
+        &first.with(|options| {
+            options.file.overwrite = true;
+        }),
+        &Silent,
+        &Cancel::default(),
+    )
+    .unwrap();
     assert_eq!(open(&path).info().width, 20);
 }
 
@@ -525,13 +544,19 @@ fn impossible_jobs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let grid = MemoryGrid::new(SampleType::F32, 20, 20);
-    let error = convert(&grid, &ConvertJob { creation: tiles(300), ..job(&path) }).unwrap_err();
+    let error = convert(
+        &grid,
+        &job(&path).with(|options| {
+            options.written.co = tiles(300);
+        }),
+    )
+    .unwrap_err();
     assert!(error.to_string().contains("256|512|1024"), "{error}");
     let mut starved = job(&path);
-    starved.resources.memory = 1 << 20;
+    starved.options.resources.memory = 1 << 20;
     let error = convert(&grid, &starved).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Resource);
-    assert!(error.to_string().contains("--memory"), "{error}");
+    assert!(error.to_string().contains("‹memory›"), "{error}");
     let mut adrift = MemoryGrid::new(SampleType::F32, 20, 20);
     adrift.info.transform.a = f64::NAN;
     assert_eq!(convert(&adrift, &job(&path)).unwrap_err().kind(), ErrorKind::BadInput);

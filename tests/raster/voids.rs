@@ -186,10 +186,11 @@ fn the_declared_nodata_value_is_the_one_that_voids_are_stored_as() {
         {
             let out = path(&format!("out.{ending}"));
             let mut job = ConvertJob::new(path("in.asc"), &out);
-            (job.format, job.sample_type) = (Some(format.to_owned()), Some(kind));
-            (job.out_nodata, job.overwrite) = (asked, true);
+            (job.options.file.format, job.options.sample_type) =
+                (Some(format.to_owned()), Some(kind));
+            (job.options.out_nodata, job.options.file.overwrite) = (asked, true);
             if format == "COG" {
-                job.creation.push(("COMPRESS".to_owned(), "NONE".to_owned()));
+                job.options.written.co.push(("COMPRESS".to_owned(), "NONE".to_owned()));
             }
             let what = format!("{own} as {asked:?}, {}, {format}", kind.name());
             let _ = std::fs::remove_file(&out);

@@ -92,10 +92,10 @@ impl GridSource for Grid {
 fn job(path: &Path, asked: &str) -> ConvertJob {
     let mut words = asked.split_whitespace();
     let mut job = ConvertJob::new("memory", path);
-    job.format = words.next().map(str::to_owned);
+    job.options.file.format = words.next().map(str::to_owned);
     let pair = |word: &str| word.split_once('=').map(|(k, v)| (k.to_owned(), v.to_owned()));
-    job.creation = words.filter_map(pair).collect();
-    job.resources.threads = 3;
+    job.options.written.co = words.filter_map(pair).collect();
+    job.options.resources.threads = 3;
     job
 }
 
@@ -148,7 +148,9 @@ fn every_type_comes_back_from_every_kind_of_geotiff() {
             for (width, height) in [(1, 1), (131, 1), (3, 200), (150, 97)] {
                 let what = format!("{asked} {} {width} x {height}", sample_type.name());
                 let grid = Grid::new(sample_type, width, height);
-                let job = ConvertJob { overwrite: true, ..job(&path, asked) };
+                let job = job(&path, asked).with(|options| {
+                    options.file.overwrite = true;
+                });
                 let report = convert(&grid, &job).unwrap();
                 assert_eq!(report.output_bytes, path.metadata().unwrap().len());
                 assert!(report.notes.is_empty());
@@ -174,7 +176,9 @@ fn every_format_takes_a_grid_of_whole_numbers() {
         for point in [false, true] {
             let mut grid = Grid::new(SampleType::I16, 150, 97);
             grid.info.pixel_is_point = point;
-            let job = ConvertJob { overwrite: true, ..job(&path, format.name) };
+            let job = job(&path, format.name).with(|options| {
+                options.file.overwrite = true;
+            });
             let report = convert(&grid, &job).unwrap();
             assert_eq!(report.format, format.name);
             let found = open(&path);
@@ -240,9 +244,11 @@ fn the_bytes_do_not_depend_on_threads_or_memory() {
         let mut files = Vec::new();
         for (threads, memory) in [(1, 4096), (2, 20), (8, 4096)] {
             let path = folder.path().join(format!("{threads}.{ending}"));
-            let mut job = ConvertJob { overwrite: true, ..job(&path, asked) };
-            job.resources.threads = threads;
-            job.resources.memory = memory << 20;
+            let mut job = job(&path, asked).with(|options| {
+                options.file.overwrite = true;
+            });
+            job.options.resources.threads = threads;
+            job.options.resources.memory = memory << 20;
             convert(&grid, &job).unwrap();
             files.push(std::fs::read(&path).unwrap());
         }
@@ -275,7 +281,13 @@ fn overviews_are_means_of_the_valid_samples_or_every_second_one() {
     let grid = Grid::new(SampleType::I16, 300, 201);
     for (asked, average) in [("AVERAGE", true), ("NEAREST", false)] {
         let asked = format!("COG BLOCKSIZE=64 OVERVIEW_RESAMPLING={asked}");
-        convert(&grid, &ConvertJob { overwrite: true, ..job(&path, &asked) }).unwrap();
+        convert(
+            &grid,
+            &job(&path, &asked).with(|options| {
+                options.file.overwrite = true;
+            }),
+        )
+        .unwrap();
         let images = images(&path);
         let sizes: Vec<_> = images.iter().map(|(w, h, ..)| (*w, *h)).collect();
         assert_eq!(sizes, [(300, 201), (150, 101), (75, 51), (38, 26)]);
@@ -339,34 +351,44 @@ fn what_does_not_fit_is_refused_with_its_place_and_nothing_is_left() {
     grid.stored.fill(5.0);
     let place = "column 33, row 69";
     for (bad, kind, remedy) in [
-        (0.5, SampleType::I16, "--round"),
-        (40_000.0, SampleType::I16, "--type"),
-        (-1.0, SampleType::U16, "--type"),
-        (f64::NAN, SampleType::U8, "--out-nodata"),
-        (70_000.0, SampleType::F16, "--type"),
-        (0.1, SampleType::F16, "--round"),
+        (0.5, SampleType::I16, "‹round›"),
+        (40_000.0, SampleType::I16, "‹type›"),
+        (-1.0, SampleType::U16, "‹type›"),
+        (f64::NAN, SampleType::U8, "‹out_nodata›"),
+        (70_000.0, SampleType::F16, "‹type›"),
+        (0.1, SampleType::F16, "‹round›"),
     ] {
         grid.stored[69 * 70 + 33] = bad;
         for asked in ["store", "COG BLOCKSIZE=64", "GTiff"] {
-            let job = ConvertJob { sample_type: Some(kind), ..job(&at("a.tif"), asked) };
+            let job = job(&at("a.tif"), asked).with(|options| {
+                options.sample_type = Some(kind);
+            });
             refused(&grid, &job, ErrorKind::BadInput, &[place, remedy, "a.tif"]);
         }
     }
-    let nodata = ConvertJob { out_nodata: Some(5.0), ..job(&at("a.tif"), "COG") };
+    let nodata = job(&at("a.tif"), "COG").with(|options| {
+        options.out_nodata = Some(5.0);
+    });
     refused(&grid, &nodata, ErrorKind::BadInput, &["column 0, row 0", "nodata"]);
-    let impossible = ConvertJob { sample_type: Some(SampleType::U8), ..nodata };
-    let impossible = ConvertJob { out_nodata: Some(-1.0), ..impossible };
+    let impossible = nodata.with(|options| {
+        options.sample_type = Some(SampleType::U8);
+    });
+    let impossible = impossible.with(|options| {
+        options.out_nodata = Some(-1.0);
+    });
     refused(&grid, &impossible, ErrorKind::Usage, &["-1", "uint8"]);
     grid.stored[69 * 70 + 33] = f64::NAN;
-    let asc = ConvertJob { out_nodata: Some(5.0), ..job(&at("a.asc"), "AAIGrid") };
+    let asc = job(&at("a.asc"), "AAIGrid").with(|options| {
+        options.out_nodata = Some(5.0);
+    });
     refused(&grid, &asc, ErrorKind::BadInput, &["column 0, row 0", "nodata"]);
     refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "ALPHA=YES"]);
     grid.stored[69 * 70 + 33] = 0.26;
-    refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "--round"]);
+    refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "‹round›"]);
     grid.stored[69 * 70 + 33] = -10_001.0;
     refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "beyond"]);
     (grid.stored[69 * 70 + 33], grid.info.sample_type) = (0.1, SampleType::F64);
-    refused(&grid, &job(&at("a.flt"), "GridFloat"), ErrorKind::BadInput, &[place, "--round"]);
+    refused(&grid, &job(&at("a.flt"), "GridFloat"), ErrorKind::BadInput, &[place, "‹round›"]);
     grid.info.transform.e = 5.0;
     refused(&grid, &job(&at("a.asc"), "AAIGrid"), ErrorKind::CannotWrite, &["north-up"]);
     assert_eq!(names(folder.path()), Vec::<String>::new());
@@ -379,8 +401,17 @@ fn round_takes_the_nearest_value_and_types_change_exactly() {
     let mut grid = Grid::new(SampleType::F64, 90, 70);
     grid.stored.iter_mut().filter(|z| **z != 9999.0).for_each(|z| *z += 0.375);
     for kind in [SampleType::I16, SampleType::U16, SampleType::I32] {
-        let options = ConvertJob { round: true, overwrite: true, ..job(&path, "GTiff") };
-        convert(&grid, &ConvertJob { sample_type: Some(kind), ..options }).unwrap();
+        let options = job(&path, "GTiff").with(|options| {
+            options.round = true;
+            options.file.overwrite = true;
+        });
+        convert(
+            &grid,
+            &options.with(|options| {
+                options.sample_type = Some(kind);
+            }),
+        )
+        .unwrap();
         let nearest: Vec<f64> = grid.heights().iter().map(|z| z.round()).collect();
         assert_same(&heights(open(&path).as_ref()), &nearest, kind.name());
         assert_eq!(
@@ -389,14 +420,26 @@ fn round_takes_the_nearest_value_and_types_change_exactly() {
         );
     }
     // Not rounded where it need not be; a nodata value that the type lacks is replaced.
-    let options = ConvertJob { overwrite: true, ..job(&path, "COG") };
-    let narrow = ConvertJob { sample_type: Some(SampleType::F32), ..options.clone() };
-    convert(&grid, &ConvertJob { out_nodata: Some(-1.0), ..narrow }).unwrap();
+    let options = job(&path, "COG").with(|options| {
+        options.file.overwrite = true;
+    });
+    let narrow = options.clone().with(|options| {
+        options.sample_type = Some(SampleType::F32);
+    });
+    convert(
+        &grid,
+        &narrow.with(|options| {
+            options.out_nodata = Some(-1.0);
+        }),
+    )
+    .unwrap();
     assert_same(&heights(open(&path).as_ref()), &grid.heights(), "float32");
     assert_eq!(open(&path).info().nodata, Some(-1.0));
     let asc = folder.path().join("a.asc");
-    let whole =
-        ConvertJob { sample_type: Some(SampleType::I16), round: true, ..job(&asc, "AAIGrid") };
+    let whole = job(&asc, "AAIGrid").with(|options| {
+        options.sample_type = Some(SampleType::I16);
+        options.round = true;
+    });
     convert(&grid, &whole).unwrap();
     assert_eq!(open(&asc).info().sample_type, SampleType::I16);
     assert!(!std::fs::read_to_string(&asc).unwrap().lines().skip(6).any(|row| row.contains('.')));
@@ -425,7 +468,9 @@ fn text_and_raw_grids_apply_scale_and_keep_every_float() {
         assert_same(&heights(open(&path).as_ref()), &scaled.heights(), name);
     }
     let named = job(&folder.path().join("terrarium.png"), "PNG ENCODING=TERRAIN-RGB");
-    let named = ConvertJob { overwrite: true, ..named };
+    let named = named.with(|options| {
+        options.file.overwrite = true;
+    });
     refused(&scaled, &named, ErrorKind::Usage, &["terrarium"]);
 }
 
@@ -447,14 +492,13 @@ fn options_that_cannot_act_are_refused() {
     ] {
         refused(&grid, &job(&path, asked), ErrorKind::Usage, &[word]);
     }
-    let typed = ConvertJob {
-        sample_type: Some(SampleType::I16),
-        ..job(&folder.path().join("a.flt"), "GridFloat")
-    };
+    let typed = job(&folder.path().join("a.flt"), "GridFloat").with(|options| {
+        options.sample_type = Some(SampleType::I16);
+    });
     refused(&grid, &typed, ErrorKind::Usage, &["float32"]);
     let mut starved = job(&path, "GTiff COMPRESS=LZW");
-    starved.resources.memory = 4 << 20;
-    refused(&grid, &starved, ErrorKind::Resource, &["--memory"]);
+    starved.options.resources.memory = 4 << 20;
+    refused(&grid, &starved, ErrorKind::Resource, &["‹memory›"]);
     assert_eq!(names(folder.path()), Vec::<String>::new());
 }
 
@@ -481,10 +525,10 @@ fn spools_of_a_cog_go_where_the_user_says() {
     let folder = tempfile::tempdir().unwrap();
     let mut job = job(&folder.path().join("a.tif"), "COG");
     job.input = "synth:rough,size=65".into();
-    job.resources.temp_dir = Some(folder.path().join("lost"));
+    job.options.resources.temp_dir = Some(folder.path().join("lost"));
     let error = terrane_jobs::convert::run(&job, &Silent, &Cancel::default()).unwrap_err();
-    assert_eq!(error.path(), job.resources.temp_dir.as_deref());
-    job.resources.temp_dir = Some(folder.path().into());
+    assert_eq!(error.path(), job.options.resources.temp_dir.as_deref());
+    job.options.resources.temp_dir = Some(folder.path().into());
     terrane_jobs::convert::run(&job, &Silent, &Cancel::default()).unwrap();
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

@@ -6,6 +6,7 @@ pub mod bits;
 pub mod bound;
 pub mod cancel;
 pub mod digits;
+pub mod door;
 pub mod error;
 pub mod formula;
 pub mod geom;

@@ -55,7 +55,7 @@ pub(super) fn crs(
 fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     let [own, others] = first.1.told_apart(other.1);
     let remedy = match !first.1.is_named() || !other.1.is_named() {
-        true => "if it is the same one, say so with --crs; else bring both into one",
+        true => "if it is the same one, say so with ‹crs›; else bring both into one",
         false => "bring both into one, for example with pdal translate --filter reprojection",
     };
     Error::bad_input(format!(
@@ -82,7 +82,7 @@ fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
 pub(super) fn notes(crs: &Crs) -> Vec<String> {
     let mut notes = Vec::new();
     if !crs.is_named() {
-        notes.push("the coordinate system is not named (--crs names it)".to_owned());
+        notes.push("the coordinate system is not named (‹crs› names it)".to_owned());
     }
     let (across, up) = (crs.horizontal_unit(), crs.vertical_unit.as_deref());
     if across == "degree" {

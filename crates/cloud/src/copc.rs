@@ -133,5 +133,5 @@ fn check(nodes: &[Node], header: &Header, len: u64) -> Result<()> {
 
 fn damaged(what: String) -> Error {
     Error::bad_input(format!("the octree (COPC) is damaged: {what}"))
-        .remedy("copy the file again, or read it without the octree with --salvage")
+        .remedy("copy the file again, or read it without the octree with ‹salvage›")
 }

@@ -167,7 +167,7 @@ fn origin([low, high]: [i64; 2], [least, most]: [i64; 2]) -> Option<i64> {
 fn too_wide(axis: usize, scale: f64, [low, high]: [f64; 2], [least, most]: [i64; 2]) -> Error {
     let name = ["x", "y", "z"][axis];
     let (steps, most) = (((high - low) / scale).round(), most - least);
-    let part = if axis < 2 { "--bounds" } else { "--z-range" };
+    let part = if axis < 2 { "‹bounds›" } else { "‹z_range›" };
     let what = if most < i64::from(i32::MAX) { "geometry is exact in" } else { "a file holds" };
     Error::unsupported(format!(
         "{name} reaches from {low} to {high}, over {steps} steps of {scale}, more than the {most} that {what}"
@@ -271,12 +271,12 @@ mod tests {
         let wide = claim(0.001, 0.0, -2e6, 2e6);
         let told = common(&[wide], false).unwrap_err().to_string();
         assert!(told.contains("from -2000000 to 2000000, over 4000000000 steps"), "{told}");
-        assert!(told.contains("--bounds"), "{told}");
+        assert!(told.contains("‹bounds›"), "{told}");
         let found = common(&[wide], true).unwrap();
         assert_eq!((found.frame.offset, &found.maps[..]), ([0.0; 3], &[Map::Shift([0; 3])][..]));
         let high = Claim { low: [0, 0, i32::MIN], high: [0, 0, i32::MAX], ..wide };
         let told = common(&[high], false).unwrap_err().to_string();
-        assert!(told.contains("z reaches") && told.contains("--z-range"), "{told}");
+        assert!(told.contains("z reaches") && told.contains("‹z_range›"), "{told}");
         let all = common(&[high], true).unwrap();
         assert_eq!(all.maps[0].place([0, 0, i32::MIN], &high), Point::new(0, 0, i32::MIN));
         // Where all is within reach any extent is no other.

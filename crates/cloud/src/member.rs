@@ -234,7 +234,7 @@ impl Take for Carry<'_, '_> {
             self.recast.push(record, place, &mut self.out).map_err(|what| {
                 Error::unsupported(format!("it has {what}, which the point format cannot hold"))
                     .at(format_args!("point {index}"))
-                    .remedy("choose a --point-format from 6 on")
+                    .remedy("choose a ‹point_format› from 6 on")
             })?;
         }
         (self.each)(&self.out)

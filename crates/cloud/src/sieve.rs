@@ -206,7 +206,7 @@ impl Sieve {
         ))
         .at(format_args!("point {index}"))
         .remedy(
-            "mend the header, as pdal translate IN OUT does; --salvage leaves such points out, of compressed ones all of \
+            "mend the header, as pdal translate IN OUT does; ‹salvage› leaves such points out, of compressed ones all of \
              their chunk",
         )
     }

@@ -55,15 +55,15 @@ impl LasVersion {
     pub(crate) fn check(self, format: PointFormat, packing: Packing) -> Result<()> {
         match packing {
             Packing::Text => Err(Error::usage("text has no version of LAS")
-                .remedy("leave --las-version out, or choose a name that ends in .las or .laz")),
+                .remedy("leave ‹las_version› out, or choose a name that ends in .las or .laz")),
             Packing::Nodes if self != Self::V1_4 => {
                 Err(Error::unsupported(format!("COPC is LAS 1.4, and not {self}"))
-                    .remedy("leave --las-version out, or choose a name that ends in .laz only"))
+                    .remedy("leave ‹las_version› out, or choose a name that ends in .laz only"))
             }
             _ if !self.has(format) => {
                 let number = format.number();
                 Err(Error::unsupported(format!("LAS {self} has no points of format {number}"))
-                    .remedy("choose another --las-version or --point-format"))
+                    .remedy("choose another ‹las_version› or ‹point_format›"))
             }
             _ => Ok(()),
         }

@@ -229,10 +229,10 @@ fn no_rank<H: Copy + Into<f64>>(window: &Window<'_, H>, col: usize, row: usize) 
     Error::bad_input(format!(
         "the height {height:e} at column {col}, row {row} is too large, or for the interval"
     ))
-    .remedy(format!("if it stands for nodata, pass --nodata {height:e}; else widen --interval"))
+    .remedy(format!("if it stands for nodata, pass ‹nodata› {height:e}; else widen ‹interval›"))
 }
 
 fn too_many(most: u64) -> Error {
     Error::new(ErrorKind::Resource, format!("more than {most} crossings of contours in a tile"))
-        .remedy("allow more --memory, choose a smaller --tile, or widen --interval")
+        .remedy("allow more ‹memory›, choose a smaller ‹tile›, or widen ‹interval›")
 }

@@ -243,7 +243,7 @@ fn nonsense_is_refused() {
     assert!(run(&vec![0.0; 2 * side], MOST_SIDE, 9).is_ok());
     assert!(run(&vec![0.0; 2 * side + 2], MOST_SIDE + 1, 9).is_err());
     let told = run(&[0.0, 0.0, 0.0, 1e12], 2, 9).unwrap_err().to_string();
-    assert!(told.contains("column 8, row 10") && told.contains("--nodata 1e12"), "{told}");
+    assert!(told.contains("column 8, row 10") && told.contains("‹nodata› 1e12"), "{told}");
     let heights = [0.0, 4.0, 4.0, 0.0];
     assert!(run(&heights, 2, 16).is_ok());
     let told = run(&heights, 2, 15).unwrap_err();

@@ -94,7 +94,7 @@ fn refusal(from: &Heights, to: &Heights, has_geoid: bool) -> Error {
             "name the target without heights, or transform them with other tools first"
         }
         (_, Heights::Ellipsoidal, false) | (Heights::Ellipsoidal, _, false) => {
-            "give the geoid between them (--geoid FILE), or name the target without heights"
+            "give the geoid between them (‹geoid› FILE), or name the target without heights"
         }
         (_, _, true) => {
             "one geoid leads from heights above it to those above the ellipsoid, or back"

@@ -239,7 +239,7 @@ fn check_area(area: &Area, place: [f64; 2]) -> Result<()> {
         "{place} lies outside of where the shift of the datum is known, which is from {west} to {east} degrees \
          of longitude and from {south} to {north} of latitude"
     ))
-    .remedy("transform the parts for themselves, or give a grid of shifts (--shift-grid FILE)"))
+    .remedy("transform the parts for themselves, or give a grid of shifts (‹shift_grid› FILE)"))
 }
 
 type Way = (Vec<Leg>, Option<f64>, String);
@@ -331,7 +331,7 @@ fn choose(datum: &Datum, [from, to]: [&Datum; 2], area: Option<&Area>) -> Result
         Error::unsupported(format!(
             "from the datum {from} to {to}: no shift of {name} to WGS 84 is known{place}"
         ))
-        .remedy("give a grid of shifts (--shift-grid FILE), or transform the data with other tools first")
+        .remedy("give a grid of shifts (‹shift_grid› FILE), or transform the data with other tools first")
     })
 }
 

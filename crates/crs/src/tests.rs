@@ -281,7 +281,7 @@ fn heights_are_kept_scaled_or_counted_from_the_ellipsoid() {
     for (from, to, geoid, word) in [
         ("EPSG:6339+5703", "EPSG:6318+5773", false, "those of the target in EGM96 height"),
         ("EPSG:6339", "EPSG:6318+5703", false, "name the target without heights"),
-        ("EPSG:6339+5703", "EPSG:6319", false, "give the geoid between them (--geoid FILE)"),
+        ("EPSG:6339+5703", "EPSG:6319", false, "give the geoid between them (‹geoid› FILE)"),
         ("EPSG:6339+5703", "EPSG:6318", true, "says nothing of heights"),
         ("EPSG:6339+5703", "EPSG:6318+5773", true, "one geoid leads"),
     ] {

@@ -81,8 +81,8 @@ impl Seek {
     /// As [`files`](Self::files), and inputs among which there is no folder.
     pub fn files_below(&self, inputs: &[String]) -> Result<Vec<String>> {
         if !inputs.iter().any(|input| matches!(self.kind(input), Kind::Folder)) {
-            return Err(Error::usage("--recursive is for folders, and no input is one")
-                .remedy("leave --recursive out, or name a folder"));
+            return Err(Error::usage("‹recursive› is for folders, and no input is one")
+                .remedy("leave ‹recursive› out, or name a folder"));
         }
         self.found(inputs, |folder| {
             let folders = glob::folders_below(folder)?;

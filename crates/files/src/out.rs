@@ -214,7 +214,7 @@ mod tests {
         let mesh = Path::new("mesh.ply");
         let spool = Out::spool(&std::env::temp_dir()).unwrap();
         let spool = Out { file: full(), ..spool };
-        for (mut out, remedy) in [(Out::new(full(), mesh), "another place"), (spool, "--temp-dir")]
+        for (mut out, remedy) in [(Out::new(full(), mesh), "another place"), (spool, "‹temp_dir›")]
         {
             let path = out.path().to_path_buf();
             let error = out.write(&vec![0; BUFFER_BYTES]).unwrap_err();

@@ -77,7 +77,7 @@ impl<K: Keep> Cells<K> {
         match fits {
             true => Ok(()),
             false => Err(Error::limit("number of points in one cell", "above 2^32", u32::MAX)
-                .remedy("choose a smaller --cell")),
+                .remedy("choose a smaller ‹cell›")),
         }
     }
 }

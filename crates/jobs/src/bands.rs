@@ -42,27 +42,27 @@ impl Bands {
         let label = label(bands);
         if bands.is_empty() || bands.contains(&0) {
             return Err(Error::usage(format!("\"{label}\" are no bands"))
-                .remedy("give numbers from 1, such as --bands 1,2,3"));
+                .remedy("give numbers from 1, such as ‹bands› 1,2,3"));
         }
         let twice = bands.iter().enumerate().find(|(place, band)| bands[..*place].contains(band));
         if let Some((_, band)) = twice {
-            return Err(Error::usage(format!("band {band} is there twice in --bands {label}"))
-                .remedy("name each band once; --weights tells what counts more"));
+            return Err(Error::usage(format!("band {band} is there twice in ‹bands› {label}"))
+                .remedy("name each band once; ‹weights› tells what counts more"));
         }
         if !weights.is_empty() && weights.len() != bands.len() {
             let (given, needed) = (weights.len(), bands.len());
-            return Err(Error::usage(format!("--weights has {given} weights for {needed} bands"))
-                .remedy("give one for each band of --bands, or none"));
+            return Err(Error::usage(format!("‹weights› has {given} weights for {needed} bands"))
+                .remedy("give one for each band of ‹bands›, or none"));
         }
         if let Some(weight) = weights.iter().find(|w| !(w.is_normal() && **w > 0.0)) {
             return Err(Error::usage(format!("{weight} is no weight of a band"))
-                .remedy("give finite numbers above 0 to --weights; leave a band out of --bands"));
+                .remedy("give finite numbers above 0 to ‹weights›; leave a band out of ‹bands›"));
         }
         if let Some(band) = heights.filter(|band| !bands.contains(band)) {
             let message =
-                format!("--band {band} is to be the heights, and not among --bands {label}");
+                format!("‹band› {band} is to be the heights, and not among ‹bands› {label}");
             return Err(Error::usage(message)
-                .remedy(format!("add {band} to --bands, or leave --band out for heights of 0")));
+                .remedy(format!("add {band} to ‹bands›, or leave ‹band› out for heights of 0")));
         }
         let weights = weights.iter().copied().chain(std::iter::repeat(1.0));
         Ok(Self { list: bands.iter().copied().zip(weights).collect(), heights })
@@ -136,8 +136,8 @@ pub(crate) fn label(bands: &[u32]) -> String {
 
 fn out_of_range(band: u32, bands: u32) -> Error {
     let (noun, remedy) = match bands {
-        1 => ("band", "leave out --bands".to_owned()),
-        _ => ("bands", format!("name bands from 1 to {bands} with --bands")),
+        1 => ("band", "leave out ‹bands›".to_owned()),
+        _ => ("bands", format!("name bands from 1 to {bands} with ‹bands›")),
     };
     Error::usage(format!("band {band} is out of range: the file has {bands} {noun}")).remedy(remedy)
 }
@@ -240,12 +240,12 @@ mod tests {
         };
         refused(&[], &[], None, &["no bands"]);
         refused(&[1, 0], &[], None, &["\"1,0\""]);
-        refused(&[1, 2, 1], &[], None, &["band 1 is there twice", "--weights"]);
+        refused(&[1, 2, 1], &[], None, &["band 1 is there twice", "‹weights›"]);
         refused(&[1, 2], &[1.0], None, &["1 weights for 2 bands"]);
         for weight in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             refused(&[1, 2], &[1.0, weight], None, &["no weight", "above 0"]);
         }
-        refused(&[1, 2], &[], Some(4), &["--band 4", "--bands 1,2", "add 4"]);
+        refused(&[1, 2], &[], Some(4), &["‹band› 4", "‹bands› 1,2", "add 4"]);
         let info = GridInfo { bands: 3, ..GridInfo::plain("test", 2, 2, SampleType::U8) };
         let error = Bands::new(&[3, 4], &[], None).unwrap().check(&info).unwrap_err().to_string();
         assert!(

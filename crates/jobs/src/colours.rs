@@ -5,12 +5,15 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use crate::convert::{self, ConvertJob, ConvertReport, Front};
-use crate::{Cancel, Progress};
+use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
+use crate::operation::{Operation, Writes};
+use crate::options::{FileName, FileOutput, GridInput, GridOutput};
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::{RawFile, lock};
-use terrane_raster::{GridInfo, GridSource, SampleType, write};
+use terrane_options::{Options, Rule};
+use terrane_raster::{GridInfo, GridSource, Inputs, SampleType, write};
 use terrane_relief::{Between, Colour, Palette, Table};
 
 /// Most bytes of a file of colours.
@@ -22,37 +25,102 @@ const PIECE: [u32; 2] = [512, 64];
 /// Bytes that a thread holds: heights of a piece, and of a usual block the colours and what is coded of other bands.
 const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 + (2 << 20);
 
-/// A picture to be written.
-#[derive(Clone, Debug)]
-pub struct ColourJob {
-    /// The grid, and the file to write.
-    pub copy: ConvertJob,
-    /// The file with the colours of heights.
-    pub colours: PathBuf,
-    /// What is between them.
-    pub between: Between,
-    /// A fourth band for opacity.
-    pub opacity: bool,
+/// Colour a grid by its heights, as a picture
+///
+/// The file of colours has a height and its colour in each line, as gdaldem has it: 1200 255 128 0, with opacity from 0 to
+/// 255 behind it if wanted, or 1200 orange. Heights may be shares of the range of heights (25%), and nv stands for voids.
+/// Between two heights colours are mixed. A .tif is a GeoTIFF of bytes, red, green and blue; a .png is a picture with a .pgw
+/// and .prj beside it.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+pub struct ColorReliefOptions {
+    /// File of colours
+    #[option(value = "COLORS", with = FileName, role = Reads, positional)]
+    pub colors: PathBuf,
+    /// The colour of the nearest height of the file, instead of a mixed one
+    #[option(alias = "nearest_color_entry")]
+    pub nearest: bool,
+    /// Colours of the heights of the file alone; all others are black, and nothing to be seen with ‹alpha›
+    #[option(alias = "exact_color_entry")]
+    pub exact: bool,
+    /// Write opacity, too, as a fourth band
+    pub alpha: bool,
+    /// What is written.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How it is written.
+    #[option(flatten)]
+    pub written: GridOutput,
+    /// What is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// What the job may use.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[Rule::NotWith("nearest", &["exact"])];
+
+impl ColorReliefOptions {
+    /// What is between two heights of the file.
+    fn between(&self) -> Between {
+        match (self.nearest, self.exact) {
+            (true, _) => Between::Nearest,
+            (_, true) => Between::Nothing,
+            _ => Between::Mixed,
+        }
+    }
+
+    /// The job that copies the colours.
+    fn copy(&self, inputs: &Inputs, output: &Path) -> Result<ConvertJob> {
+        let Self { file, written, grid, resources, .. } = self.clone();
+        let format = write::of_colours(output, file.format.as_deref())?;
+        let file = FileOutput { format: Some(format.name.to_owned()), ..file };
+        let options =
+            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
+        Ok(ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options })
+    }
+}
+
+impl Operation for ColorReliefOptions {
+    const NAME: &'static str = "color-relief";
+    const WRITES: Writes = Writes::Colours;
+    type Report = ConvertReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        let copy = self.copy(&Inputs::default(), output)?;
+        copy.options.check(output)
+    }
+
+    fn run(
+        &self,
+        inputs: &Inputs,
+        output: &Path,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<ConvertReport> {
+        run(self, &self.copy(inputs, output)?, progress, cancel)
+    }
 }
 
 /// Writes the colours of heights, in the grid's system and on its lattice: red, green and blue, and opacity if asked
 /// for, in bytes. What the file of colours says of voids is their colour; of one that says nothing they are black, and
 /// nothing to be seen. Where it names shares of the range of heights, the grid is read twice.
-///
-/// # Errors
-/// Those of [`convert::run`]; a file of colours that cannot be read, with the line; a format that holds no colours.
-pub fn run(job: &ColourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    let format = write::of_colours(&job.copy.output, job.copy.format.as_deref())?;
-    let copy = ConvertJob { format: Some(format.name.to_owned()), ..job.copy.clone() };
-    let palette = read(&job.colours)?;
-    let report = convert::run_of(&copy, WORKER_BYTES, progress, cancel, |inner| {
+fn run(
+    options: &ColorReliefOptions,
+    copy: &ConvertJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
+    let palette = read(&options.colors)?;
+    let report = convert::run_of(copy, WORKER_BYTES, progress, cancel, |inner| {
         let own = inner.info();
         let range = match palette.needs_range() {
             true => range(inner.as_ref(), progress, cancel)?,
             false => [0.0; 2],
         };
         let nodata = own.nodata.map(|value| value * own.scale + own.offset);
-        let table = palette.table(range, nodata, job.between);
+        let table = palette.table(range, nodata, options.between());
         let info = GridInfo {
             sample_type: SampleType::U8,
             nodata: None,
@@ -61,7 +129,7 @@ pub fn run(job: &ColourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
             crs: own.crs.without_heights(),
             ..own.clone()
         };
-        let parts = if job.opacity { 4 } else { 3 };
+        let parts = if options.alpha { 4 } else { 3 };
         let painted = Arc::new(Painted { info, inner, table, parts, waiting: Mutex::default() });
         let band = |part: usize| -> Box<dyn GridSource> {
             Box::new(Band { painted: painted.clone(), part })

@@ -11,22 +11,109 @@
 
 pub(crate) mod task;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
 
 use crate::figures::Figures;
-use crate::reading::Reading;
+use crate::operation::{Operation, Writes};
+use crate::options::{
+    FileOutput, FiniteOrNan, GridInput, GridOutput, Reprojection, ResamplingName, SampleTypeName,
+};
 use crate::transform::Transformed;
+use crate::warp::{self, Lattice};
 use crate::{Cancel, Progress, Resources};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::registry;
 use terrane_files::{beside_grid, path_of};
+use terrane_options::{Options, Rule};
 use terrane_raster::write::{self, BandName, GridFormat, GridSink, WriteOptions};
 use terrane_raster::{
     self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType, WaterReport,
 };
+use terrane_resample::RESAMPLINGS;
+
+/// Copy a grid, or a part of it, into a file of another format
+///
+/// A .tif is a store (an uncompressed tiled BigTIFF that is mapped into memory and read fast) unless the format COG or GTiff
+/// is asked for. Samples are written exactly or not at all: a height that the type does not hold is an error that names its
+/// place, unless ‹round› allows the nearest value. Samples stay where they are unless ‹resampling› says how they are to be
+/// found elsewhere: in another reference system, at another distance, or where those of another grid are.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+pub struct ConvertOptions {
+    /// What is written.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How it is written.
+    #[option(flatten)]
+    pub written: GridOutput,
+    /// Type of the written samples, such as int16 or float32
+    #[option(name = "type", alias = "dtype", value = "NAME", with = SampleTypeName, heading = "Output",
+             usual = "the input's")]
+    pub sample_type: Option<SampleType>,
+    /// Written value for voids
+    #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", usual = "the one they are read by")]
+    pub out_nodata: Option<f64>,
+    /// Write the nearest value where the type does not hold a height exactly
+    #[option(heading = "Output")]
+    pub round: bool,
+    /// How heights are found where samples of the output lie between those of the input; nothing is ever resampled
+    /// without it
+    #[option(value = "NAME", with = ResamplingName, heading = "Lattice")]
+    pub resampling: Option<String>,
+    /// Where samples of the output are.
+    #[option(flatten)]
+    pub lattice: Lattice,
+    /// In which system they are.
+    #[option(flatten)]
+    pub reprojection: Reprojection,
+    /// What is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// What the job may use.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[
+    Rule::Needs("resampling", &["to_crs", "resolution", "extent", "like"]),
+    Rule::Needs("to_crs", &["resampling"]),
+    Rule::Needs("resolution", &["resampling"]),
+    Rule::Needs("extent", &["resampling"]),
+    Rule::Needs("like", &["resampling"]),
+    Rule::NotWith("like", &["resolution", "extent"]),
+];
+
+impl Operation for ConvertOptions {
+    const NAME: &'static str = "convert";
+    const WRITES: Writes = Writes::Grid;
+    type Report = ConvertReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        self.format(output)?.check(&self.written.co)
+    }
+
+    fn run(
+        &self,
+        inputs: &Inputs,
+        output: &Path,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<ConvertReport> {
+        let job = ConvertJob { options: self.clone(), ..ConvertJob::new(inputs.clone(), output) };
+        run(&job, progress, cancel)
+    }
+}
+
+impl ConvertOptions {
+    /// The format to write.
+    pub(crate) fn format(&self, output: &Path) -> Result<&'static GridFormat> {
+        write::by_path(output, self.file.format.as_deref())
+    }
+}
 
 /// A grid-to-grid job.
 #[derive(Clone, Debug)]
@@ -35,49 +122,34 @@ pub struct ConvertJob {
     pub input: Inputs,
     /// File to write.
     pub output: PathBuf,
-    /// Name of the format to write; by the output's ending when `None`.
-    pub format: Option<String>,
-    /// Creation options of the format, as (key, value).
-    pub creation: Vec<(String, String)>,
-    /// What is read of it.
-    pub reading: Reading,
-    /// Type of the written samples; the source's when `None`, or what the format holds.
-    pub sample_type: Option<SampleType>,
-    /// Written value for voids; the value they are read by when `None`, where the type holds it.
-    pub out_nodata: Option<f64>,
-    /// Write the nearest value where the type does not hold a height exactly, instead of failing.
-    pub round: bool,
-    /// Replace an existing output.
-    pub overwrite: bool,
-    /// What the job may use.
-    pub resources: Resources,
+    /// How it is read and written.
+    pub options: ConvertOptions,
 }
 
 impl ConvertJob {
-    /// The job with everything else at its default.
+    /// The job with all options at their defaults.
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>) -> Self {
-        Self {
-            input: input.into(),
-            output: output.into(),
-            format: None,
-            creation: Vec::new(),
-            reading: Reading::default(),
-            sample_type: None,
-            out_nodata: None,
-            round: false,
-            overwrite: false,
-            resources: Resources::default(),
-        }
+        let options = ConvertOptions::default();
+        Self { input: input.into(), output: output.into(), options }
+    }
+
+    /// The same with other options.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut ConvertOptions)) -> Self {
+        change(&mut self.options);
+        self
     }
 
     fn write_options(&self) -> WriteOptions {
+        let ConvertOptions { file, written, sample_type, out_nodata, round, resources, .. } =
+            self.options.clone();
         WriteOptions {
-            overwrite: self.overwrite,
-            creation: self.creation.clone(),
-            sample_type: self.sample_type,
-            nodata: self.out_nodata,
-            round: self.round,
-            temp_dir: self.resources.temp_dir.clone(),
+            overwrite: file.overwrite,
+            creation: written.co,
+            sample_type,
+            nodata: out_nodata,
+            round,
+            temp_dir: resources.temp_dir,
             bands: Vec::new(),
             are_colours: false,
             read: Vec::new(),
@@ -138,7 +210,10 @@ pub struct ConvertReport {
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    run_of(job, 0, progress, cancel, |source| Ok(Front::of(source, Vec::new())))
+    match &job.options.resampling {
+        Some(name) => warp::run(job, registry::named(RESAMPLINGS, name)?, progress, cancel),
+        None => run_of(job, 0, progress, cancel, |source| Ok(Front::of(source, Vec::new()))),
+    }
 }
 
 /// What stands in front of a grid that is read.
@@ -175,11 +250,11 @@ pub(crate) fn run_of(
     cancel: &Cancel,
     front: impl FnOnce(Box<dyn GridSource>) -> Result<Front>,
 ) -> Result<ConvertReport> {
-    let format = write::by_path(&job.output, job.format.as_deref())?;
-    format.check(&job.creation)?;
-    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    let format = job.options.format(&job.output)?;
+    format.check(&job.options.written.co)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.options.file.overwrite)?;
     let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format, held)?;
-    let options = job.reading.options(&job.resources, cache_bytes)?;
+    let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     let cautions = raster::cautions(source.info());
@@ -212,7 +287,7 @@ fn copy_of(
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
     let start = Instant::now();
-    let format = write::by_path(&job.output, job.format.as_deref())?;
+    let format = job.options.format(&job.output)?;
     let budget = Budget::divide(job, format, held)?;
     let Some(source) = bands.first().copied() else { return Ok(ConvertReport::default()) };
     let (window, info) = (source.info().bounds(), source.info());
@@ -229,9 +304,9 @@ fn copy_of(
     copy_levels(sink.as_mut(), threads, progress, cancel)?;
     cancel.check()?;
     let (written, mut notes) = (sink.info().clone(), sink.notes());
-    notes.extend(moved_nodata(job.out_nodata, info, &written));
+    notes.extend(moved_nodata(job.options.out_nodata, info, &written));
     let output_bytes = sink.finish()?;
-    let run = Figures { threads, ..Figures::since(start, &job.resources) };
+    let run = Figures { threads, ..Figures::since(start, &job.options.resources) };
     Ok(ConvertReport {
         format: format.name.to_owned(),
         samples,
@@ -313,8 +388,9 @@ impl Budget {
     /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
     /// where memory is short.
     fn divide(job: &ConvertJob, format: &GridFormat, held: u64) -> Result<Self> {
-        let Resources { threads, memory, .. } = job.resources;
-        let side = job.creation.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
+        let Resources { threads, memory, .. } = job.options.resources;
+        let side =
+            job.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
         let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
         let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
         let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(held);
@@ -346,5 +422,5 @@ impl Budget {
 fn too_small(memory: u64, least: u64) -> Error {
     let message = format!("the memory budget of {memory} bytes is too small");
     Error::new(ErrorKind::Resource, message)
-        .remedy(format!("give at least {} MiB with --memory", least.div_ceil(1 << 20)))
+        .remedy(format!("give at least {} MiB with ‹memory›", least.div_ceil(1 << 20)))
 }

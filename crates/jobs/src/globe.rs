@@ -120,7 +120,7 @@ impl Lift {
                     "the heights of the grid are counted from the ellipsoid already",
                 )
                 .in_file(path)
-                .remedy("leave --geoid out"));
+                .remedy("leave ‹geoid› out"));
             }
             geoid::read(path, resources).map(Arc::new)
         };

@@ -73,7 +73,7 @@ impl Ground {
 
 fn across(crs: &Crs, notes: &mut Vec<String>) -> Result<Across> {
     if crs.horizontal_unit() == "degree" {
-        let remedy = "pass --scale: how many units of heights a degree is long";
+        let remedy = "pass ‹scale›: how many units of heights a degree is long";
         return spheroid(crs, notes).map(Across::Degrees).map_err(|e| e.or(remedy));
     }
     Ok(Across::Everywhere(crs.horizontal_metres().unwrap_or_else(|| {

@@ -135,7 +135,7 @@ impl Points {
                 let xy = &leaf.coordinates().xy;
                 if wants_lines && leaf.parts().next().is_none() && !xy.is_empty() {
                     return Err(Error::bad_input("a point is no line").remedy(
-                        "put points into a file of their own, and pass it with --keep-points",
+                        "put points into a file of their own, and pass it with ‹keep_points›",
                     ));
                 }
                 let first = at.len();

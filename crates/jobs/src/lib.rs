@@ -26,11 +26,13 @@ pub mod kept;
 pub mod line;
 pub mod memory;
 mod on_cloud;
+pub mod operation;
+pub mod options;
 pub mod page;
 pub mod placing;
 pub mod plan;
 mod points;
-pub mod reading;
+mod reading;
 mod records;
 pub mod relief;
 pub mod sift;
@@ -45,9 +47,11 @@ pub mod warp;
 mod water;
 mod workers;
 
+use options::{Bytes, FileName};
 pub use terrane_base::Cancel;
 use terrane_cloud::PointSource;
 use terrane_files::{cores, physical_memory, proc_bytes};
+use terrane_options::{Options, Range};
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.
@@ -102,22 +106,21 @@ impl Progress for Silent {
     fn end(&self) {}
 }
 
-/// What a job may use.
-#[derive(Clone, Debug)]
+/// What a job may use
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Resources", setters = group)]
 pub struct Resources {
-    /// Worker threads (at least 1).
+    /// Worker threads
+    #[option(value = "N", default = cores(), usual = "all cores", range = Range::new(1.0, 1024.0), role = Run)]
     pub threads: usize,
-    /// Bytes of memory for everything the job holds.
+    /// Memory for everything the job holds, such as 512M or 4GiB
+    #[option(value = "SIZE", with = Bytes, default = default_memory(), role = Run, no_setter,
+             usual = "half of the machine's, at most 4GiB")]
     pub memory: u64,
-    /// Directory for spills; the output's directory when `None`.
+    /// Folder for temporary files
+    #[option(value = "DIR", with = FileName, role = Run,
+             usual = "the output's, or the system's where there is none and for inputs that must be unpacked")]
     pub temp_dir: Option<std::path::PathBuf>,
-}
-
-impl Default for Resources {
-    /// All cores; half of the machine's memory or 4 GiB, whichever is less.
-    fn default() -> Self {
-        Self { threads: cores(), memory: default_memory(), temp_dir: None }
-    }
 }
 
 const DEFAULT_MEMORY: u64 = 4 << 30;

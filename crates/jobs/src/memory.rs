@@ -22,7 +22,7 @@ const LEAST_BESIDE: u64 = 4 << 20;
 /// Fewest bytes for cache and mesh together.
 const LEAST_SHARED: u64 = 6 << 20;
 /// What else helps where workers take too much.
-const OTHERWISE: &str = "a smaller --tile";
+const OTHERWISE: &str = "a smaller ‹tile›";
 /// Most bytes for decoded blocks: more than a few rows of them are never read again.
 const MOST_CACHE: u64 = 1 << 30;
 
@@ -93,7 +93,7 @@ pub(crate) fn too_little(memory: u64, least: u64) -> Error {
 
 /// The error of what memory does not hold, where so many bytes are `enough`.
 pub(crate) fn short(message: impl Into<String>, enough: u64) -> Error {
-    let remedy = format!("pass --memory {}M or more", enough.div_ceil(1 << 20));
+    let remedy = format!("pass ‹memory› {}M or more", enough.div_ceil(1 << 20));
     Error::new(ErrorKind::Resource, message).remedy(remedy)
 }
 

@@ -79,11 +79,11 @@ impl Placing {
     /// The option that asks for coordinates of the file's own, if any.
     pub fn given(&self) -> Option<&'static str> {
         let options = [
-            ("--keep-degrees", self.keep_degrees),
-            ("--size", self.size.is_some()),
-            ("--scale", self.scale.is_some()),
-            ("--exaggeration", self.exaggerate.is_some()),
-            ("--base", self.base.is_some()),
+            ("‹keep_degrees›", self.keep_degrees),
+            ("‹size›", self.size.is_some()),
+            ("‹scale›", self.scale.is_some()),
+            ("‹exaggeration›", self.exaggerate.is_some()),
+            ("‹base›", self.base.is_some()),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
@@ -118,14 +118,14 @@ impl Placing {
             return self.keep(is_geographic, format);
         }
         if self.base.is_some() && !format.can_be_solid {
-            return Err(refusal("--base", "is for STL and 3MF, which can be solids"));
+            return Err(refusal("‹base›", "is for STL and 3MF, which can be solids"));
         }
         if self.keep_degrees && format.states_unit {
             let why = format!("is not for {}, whose unit is a length", format.name);
-            return Err(refusal("--keep-degrees", &why));
+            return Err(refusal("‹keep_degrees›", &why));
         }
         if self.keep_degrees && !is_geographic {
-            return Err(refusal("--keep-degrees", "is for longitudes and latitudes"));
+            return Err(refusal("‹keep_degrees›", "is for longitudes and latitudes"));
         }
         let is_print = self.size.is_some() || self.scale.is_some();
         let rise = self.exaggerate.unwrap_or(1.0);
@@ -169,7 +169,7 @@ impl Placing {
             return Ok(());
         };
         let rise = self.exaggerate.filter(|rise| axis == 2 && is_held(2, placed.scale[2] / rise));
-        let options = [("--exaggeration", rise), ("--size", self.size), ("--scale", self.scale)];
+        let options = [("‹exaggeration›", rise), ("‹size›", self.size), ("‹scale›", self.scale)];
         let given = options.into_iter().find(|(_, given)| given.is_some());
         let name = format.name;
         Err(match given {
@@ -180,7 +180,7 @@ impl Placing {
             }
             None => {
                 Error::unsupported(format!("the mesh is larger or smaller than {name} can hold"))
-                    .remedy("write PLY or OBJ, or pass --scale")
+                    .remedy("write PLY or OBJ, or pass ‹scale›")
             }
         })
     }
@@ -203,7 +203,7 @@ impl Placing {
         let longest = side(0).max(side(1));
         match longest > 0.0 && longest.is_finite() {
             true => Ok(size / longest),
-            false => Err(refusal("--size", "needs a surface with an extent")),
+            false => Err(refusal("‹size›", "needs a surface with an extent")),
         }
     }
 
@@ -275,7 +275,7 @@ pub(crate) fn spheroid(crs: &Crs, notes: &mut Vec<String>) -> Result<Spheroid> {
 fn degree(spheroid: &Spheroid, latitude: f64) -> Result<[f64; 2]> {
     if latitude.abs() > MOST_LATITUDE || !latitude.is_finite() {
         return Err(Error::usage(format!("degrees at latitude {latitude} are no lengths"))
-            .remedy("pass --keep-degrees, or reproject the data"));
+            .remedy("pass ‹keep_degrees›, or reproject the data"));
     }
     Ok(spheroid.degree_metres(latitude))
 }
@@ -352,10 +352,10 @@ mod tests {
             "{feet:?}"
         );
         for (placing, crs, name, part) in [
-            (print, &utm, "PLY", "--size is for STL, 3MF and GLB: PLY"),
-            (kept, &degrees, "OBJ", "--keep-degrees is for STL, 3MF and GLB: OBJ"),
-            (kept, &utm, "GLB", "--keep-degrees is for longitudes"),
-            (Placing { base: Some(0.003), ..print }, &utm, "GLB", "--base is for STL"),
+            (print, &utm, "PLY", "‹size› is for STL, 3MF and GLB: PLY"),
+            (kept, &degrees, "OBJ", "‹keep_degrees› is for STL, 3MF and GLB: OBJ"),
+            (kept, &utm, "GLB", "‹keep_degrees› is for longitudes"),
+            (Placing { base: Some(0.003), ..print }, &utm, "GLB", "‹base› is for STL"),
             (print, &self::crs(32631, "sazhen"), "STL", "sazhen"),
         ] {
             let refused = at(placing, crs, METRES, name).unwrap_err().to_string();

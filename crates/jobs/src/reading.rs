@@ -3,43 +3,15 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use crate::Resources;
 use crate::beside::{self, Beside};
-use crate::plan::as_text;
+use crate::options::GridInput;
 use crate::water;
 use terrane_base::error::{Error, Result};
 use terrane_raster::{Clip, ClipRings, OpenOptions};
 use terrane_vector::Feature;
 
-/// What is read of the files of a grid.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Reading {
-    /// Band, from 1.
-    pub band: u32,
-    /// Replaces the files' nodata value.
-    #[serde(with = "as_text")]
-    pub nodata: Option<f64>,
-    /// The box (x min, y min, x max, y max) whose cells are read, and no others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bbox: Option<[f64; 4]>,
-    /// The name of a file with the polygons that the grid is clipped to.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub clip: Option<String>,
-    /// The name of a file with water, which is made level.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub water: Option<String>,
-}
-
-impl Default for Reading {
-    /// The first band, with the files' own nodata value, all of it.
-    fn default() -> Self {
-        Self { band: 1, nodata: None, bbox: None, clip: None, water: None }
-    }
-}
-
-impl Reading {
+impl GridInput {
     /// How to open the grid, with so many bytes for decoded blocks. Reads all polygons, and all water; of
     /// TopoJSON those of its first object.
     ///
@@ -56,7 +28,7 @@ impl Reading {
             cache_bytes,
             threads,
             temp_dir,
-            bbox: self.bbox,
+            bbox: self.bounds,
             clip,
             water,
             colours: false,

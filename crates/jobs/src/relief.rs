@@ -2,19 +2,28 @@
 //! is copied as any other. So they have any size, format and number of threads, and the same bytes. In a PNG they are a
 //! picture in grays.
 
+mod kinds;
 mod toned;
 
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::colours::range;
-use crate::convert::{self, ConvertJob, ConvertReport, Front};
+use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
 use crate::ground::Ground;
-use crate::{Cancel, Progress};
+use crate::options::{FileOutput, GridInput, GridOutput};
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_raster::{GridInfo, GridSource, SampleType, write};
+use terrane_options::Options;
+use terrane_raster::{GridInfo, GridSource, Inputs, SampleType};
 use terrane_relief::{Derivative, Turn};
 use toned::Toned;
+
+pub use kinds::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
 
 /// Columns and rows that are looked at together.
 const PIECE: [u32; 2] = [512, 64];
@@ -25,17 +34,42 @@ const NODATA: f64 = -9999.0;
 const ENCODING: &str = "ENCODING";
 const GRAY: &str = "GRAY";
 
-/// A derivative to be written.
-#[derive(Clone)]
-pub struct ReliefJob {
-    /// The grid, and the file to write.
-    pub copy: ConvertJob,
-    /// What is told of each sample.
-    pub derivative: Arc<dyn Derivative>,
-    /// Units of heights in a unit of x and y, instead of what the grid says of both.
-    pub scale: Option<f64>,
-    /// Samples at the border of the grid or beside voids have a value, too.
-    pub edges: bool,
+/// What all derivatives of a grid have
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = group)]
+pub struct DerivativeOptions {
+    /// Samples at the border of the grid and beside voids have a value, too: what is beyond the grid is on the line
+    /// through the two samples inside, and voids are as high as the sample
+    pub compute_edges: bool,
+    /// What is written.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How it is written.
+    #[option(flatten)]
+    pub written: GridOutput,
+    /// What is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// What the job may use.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+impl DerivativeOptions {
+    /// The job that copies what is computed of each sample.
+    fn copy(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
+        let Self { file, written, grid, resources, .. } = self.clone();
+        let options =
+            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
+        ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options }
+    }
+}
+
+/// What is computed of each sample, of a grid that has so many units of heights in a unit of x and y.
+struct Asked<'a> {
+    derivative: Arc<dyn Derivative>,
+    scale: Option<f64>,
+    common: &'a DerivativeOptions,
 }
 
 /// Writes a derivative of a grid, in the grid's system and on its lattice: 32-bit numbers, or whole ones of a byte.
@@ -48,34 +82,42 @@ pub struct ReliefJob {
 ///
 /// # Errors
 /// Those of [`convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
-pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
-    let picture = picture(&job.copy)?;
-    let copy = picture.as_ref().unwrap_or(&job.copy);
-    let is_toned = picture.is_some() && !job.derivative.is_byte();
+fn run(
+    asked: &Asked<'_>,
+    inputs: &Inputs,
+    output: &Path,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
+    let Asked { derivative, scale, common } = asked;
+    let copy = common.copy(inputs, output);
+    let picture = picture(&copy)?;
+    let copy = picture.as_ref().unwrap_or(&copy);
+    let is_toned = picture.is_some() && !derivative.is_byte();
     let report = convert::run_of(copy, 0, progress, cancel, |inner| {
         let info = inner.info();
-        let ground = match job.scale {
-            Some(scale) => Ground::scaled(info, scale),
-            None if !job.derivative.is_of_slopes() => Ground::scaled(info, 1.0),
+        let ground = match scale {
+            Some(scale) => Ground::scaled(info, *scale),
+            None if !derivative.is_of_slopes() => Ground::scaled(info, 1.0),
             None => Ground::of(info)?,
         };
-        let (sample_type, nodata) = match job.derivative.is_byte() {
+        let (sample_type, nodata) = match derivative.is_byte() {
             true => (SampleType::U8, 0.0),
             false => (SampleType::F32, NODATA),
         };
         let nodata = Some(nodata);
         // Degrees and the like are in no unit of heights.
-        let crs = match job.derivative.is_of_slopes() {
+        let crs = match derivative.is_of_slopes() {
             true => info.crs.without_heights(),
             false => info.crs.clone(),
         };
         let info = GridInfo { sample_type, nodata, crs, scale: 1.0, offset: 0.0, ..info.clone() };
-        let (derivative, mut notes) = (Arc::clone(&job.derivative), ground.notes());
-        let derived = Box::new(Derived { info, inner, derivative, ground, edges: job.edges });
+        let (known, mut notes) = (derivative.range(), ground.notes());
+        let (derivative, edges) = (Arc::clone(derivative), common.compute_edges);
+        let derived = Box::new(Derived { info, inner, derivative, ground, edges });
         if !is_toned {
             return Ok(Front::of(derived, notes));
         }
-        let known = job.derivative.range();
         let range = known.map_or_else(|| range(derived.as_ref(), progress, cancel), Ok)?;
         let toned = Toned::new(derived, range);
         notes.push(toned.note());
@@ -88,14 +130,14 @@ pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
 
 /// The job of a picture, where the format is one and nothing says how it is to pack heights.
 fn picture(copy: &ConvertJob) -> Result<Option<ConvertJob>> {
-    let format = write::by_path(&copy.output, copy.format.as_deref())?;
-    let given = copy.creation.iter().find(|(key, _)| key.eq_ignore_ascii_case(ENCODING));
+    let format = copy.options.format(&copy.output)?;
+    let given = copy.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case(ENCODING));
     if !format.is_picture() || given.is_some_and(|(_, value)| !value.eq_ignore_ascii_case(GRAY)) {
         return Ok(None);
     }
     let mut picture = copy.clone();
     if given.is_none() {
-        picture.creation.push((ENCODING.to_owned(), GRAY.to_owned()));
+        picture.options.written.co.push((ENCODING.to_owned(), GRAY.to_owned()));
     }
     Ok(Some(picture))
 }

@@ -259,7 +259,7 @@ impl MovingMesh {
         let target = self.operation.target().label();
         let message = format!("a triangle at {x}, {y} turns over in {target}");
         Error::unsupported(message)
-            .remedy("choose a smaller --tile, which makes triangles smaller, or another system")
+            .remedy("choose a smaller ‹tile›, which makes triangles smaller, or another system")
     }
 }
 
@@ -340,6 +340,6 @@ mod tests {
         assert!(check_room(1 << 20, 8 << 20).is_ok());
         let told = check_room(1 << 20, (8 << 20) - 1).unwrap_err();
         assert_eq!(told.kind(), ErrorKind::Resource);
-        assert!(told.to_string().contains("--memory 8M"), "{told}");
+        assert!(told.to_string().contains("‹memory› 8M"), "{told}");
     }
 }

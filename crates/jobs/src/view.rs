@@ -24,7 +24,7 @@ use serde::Serialize;
 use crate::figures::Figures;
 use crate::input::{self, Surface};
 use crate::memory::{cache_beside, short};
-use crate::reading::Reading;
+use crate::options::GridInput;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
@@ -39,7 +39,7 @@ pub struct ViewJob {
     /// Grid files or a mesh, or a synthetic terrain by name.
     pub input: Inputs,
     /// What is read of it.
-    pub reading: Reading,
+    pub reading: GridInput,
     /// PNG file to write.
     pub output: PathBuf,
     /// Replace an existing picture.
@@ -110,7 +110,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
     let drawn = match input::open(job.input.names(), &options(job)?)? {
         Surface::Grid(_) if job.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
-                .remedy("leave --edges out, or view a mesh made by `terrane tin`"));
+                .remedy("leave ‹edges› out, or view a mesh made by `terrane tin`"));
         }
         Surface::Grid(grid) => grid::draw(grid.as_ref(), job, progress, cancel)?,
         Surface::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel)?,
@@ -130,7 +130,7 @@ fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
         bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
     if apart {
         let [west, south, east, north] = data;
-        return Err(Error::usage("--bbox lies outside the data")
+        return Err(Error::usage("‹bbox› lies outside the data")
             .in_file(Path::new(&job.input.to_string()))
             .remedy(format!("the data reach from {west},{south} to {east},{north}")));
     }
@@ -160,7 +160,7 @@ fn within_memory(frame: &Frame, pixel_bytes: u64, resources: &Resources) -> Resu
             "a picture of {} x {} pixels needs {mib} MiB of memory",
             frame.width, frame.height,
         );
-        return Err(short(message, need).or("a smaller --width"));
+        return Err(short(message, need).or("a smaller ‹width›"));
     }
     Ok(())
 }

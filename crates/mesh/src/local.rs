@@ -55,7 +55,7 @@ impl Local {
         if out {
             let message = "a position is beyond the range of f32";
             return Err(Error::new(ErrorKind::CannotWrite, message)
-                .remedy("write PLY or OBJ, or a smaller --size, --scale or --exaggerate"));
+                .remedy("write PLY or OBJ, or a smaller ‹size›, ‹scale› or ‹exaggerate›"));
         }
         Ok(())
     }

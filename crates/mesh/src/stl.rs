@@ -50,7 +50,7 @@ const STATED: [&str; 5] = [BOUND, OF, FITTED, ANGLE, BY];
 const PLACE_WORDS: usize = 5;
 /// What a file has to state, the option that it comes from, and what it says.
 const NEEDED: [(&str, &str, &str); 2] =
-    [(FITTED, "--fit", "that heights are fitted"), (ANGLE, "--min-angle", "the smallest angle")];
+    [(FITTED, "‹fit›", "that heights are fitted"), (ANGLE, "‹min_angle›", "the smallest angle")];
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
 const TRIANGLE_BYTES: usize = 50;
@@ -418,7 +418,7 @@ mod tests {
         assert_eq!(fitted.as_deref(), Some("1.5 bound surface fitted heights"));
         let angle = bound(&[&comments[..], &["min angle 25".to_owned()]].concat());
         assert_eq!(angle.as_deref(), Some("1.5 min angle 25"));
-        for (bound, option) in [(fitted, "--fit"), (angle, "--min-angle")] {
+        for (bound, option) in [(fitted, "‹fit›"), (angle, "‹min_angle›")] {
             let error = title(full, None, bound.as_deref()).unwrap_err().to_string();
             assert!(error.contains(option), "{error}");
         }

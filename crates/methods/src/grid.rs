@@ -147,7 +147,7 @@ pub fn check_sides(width: u32, height: u32) -> Result<()> {
     if width.max(height) > MOST_SIDE {
         let message = format!("a grid of {width} x {height} samples has a side above {MOST_SIDE}");
         return Err(Error::new(ErrorKind::Limit, message)
-            .remedy("leave --method out: the engine's own takes grids of any size"));
+            .remedy("leave ‹method› out: the engine's own takes grids of any size"));
     }
     Ok(())
 }

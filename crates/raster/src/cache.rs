@@ -142,7 +142,7 @@ impl Drop for Claim<'_> {
 /// The error of so many bytes that do not fit in what is left for blocks: of all memory a quarter at the least, beside
 /// the program.
 pub(crate) fn too_large_for_cache(message: String, bytes: u64) -> Error {
-    let remedy = format!("pass --memory {}M or more", 4 * bytes.div_ceil(1 << 20) + 64);
+    let remedy = format!("pass ‹memory› {}M or more", 4 * bytes.div_ceil(1 << 20) + 64);
     Error::new(ErrorKind::Resource, message).remedy(remedy)
 }
 

@@ -26,7 +26,7 @@ pub fn looks_like_nodata(lowest: f64, info: &GridInfo) -> Option<f64> {
 pub fn undeclared_nodata(samples: u64, stored: f64) -> String {
     let value = if stored < ABSURD { format!("{stored:e}") } else { stored.to_string() };
     let subject = if samples == 1 { "1 sample is" } else { &format!("{samples} samples are") };
-    format!("{subject} {value}, which looks like an undeclared nodata value; use --nodata {value}")
+    format!("{subject} {value}, which looks like an undeclared nodata value; use ‹nodata› {value}")
 }
 
 #[cfg(test)]
@@ -55,7 +55,7 @@ mod tests {
     #[test]
     fn the_line_says_what_to_pass() {
         let line = undeclared_nodata(12, -32_767.0);
-        assert!(line.starts_with("12 samples are -32767,") && line.ends_with("--nodata -32767"));
+        assert!(line.starts_with("12 samples are -32767,") && line.ends_with("‹nodata› -32767"));
         let line = undeclared_nodata(1, f64::from(f32::MIN));
         assert!(line.starts_with("1 sample is -3.4028234663852886e38,"), "{line}");
     }

@@ -122,7 +122,7 @@ pub fn no_terrain(info: &GridInfo, [lowest, highest]: [f64; 2]) -> Option<String
     let remedy = match packed.map(|(_, packing)| packing.as_str()) {
         Some("terrain-RGB") => "if the picture is terrarium, name it as terrarium:FILE",
         Some("terrarium") => "if the picture is terrain-RGB, name it as terrain-rgb:FILE",
-        _ => "check the unit of heights, scale and offset, and --nodata",
+        _ => "check the unit of heights, scale and offset, and ‹nodata›",
     };
     Some(format!(
         "heights reach from {lowest} to {highest}, beyond those of terrain on Earth ({least} to {most}); {remedy}"
@@ -152,7 +152,7 @@ fn no_crs(info: &GridInfo) -> Option<String> {
 
 fn degrees(info: &GridInfo) -> Option<String> {
     let of = heights_unit(info).unwrap_or("the unit of the heights");
-    let text = format!("x and y are in degrees; the vertical error (--max-error) is in {of}");
+    let text = format!("x and y are in degrees; the vertical error (‹max_error›) is in {of}");
     (info.crs.horizontal_unit() == "degree").then_some(text)
 }
 
@@ -227,13 +227,13 @@ fn points(info: &GridInfo) -> Option<String> {
 
 fn several_bands(info: &GridInfo) -> Option<String> {
     let GridInfo { bands, band, .. } = info;
-    (*bands > 1).then(|| format!("the file has {bands} bands; band {band} is read (--band)"))
+    (*bands > 1).then(|| format!("the file has {bands} bands; band {band} is read (‹band›)"))
 }
 
 fn scaled(info: &GridInfo) -> Option<String> {
     let (scale, offset, kind) = (info.scale, info.offset, info.sample_type.name());
     ((scale, offset) != (1.0, 0.0)).then(|| {
-        format!("heights are the stored {kind} x {scale} + {offset}; --nodata is a stored value")
+        format!("heights are the stored {kind} x {scale} + {offset}; ‹nodata› is a stored value")
     })
 }
 
@@ -359,7 +359,7 @@ mod tests {
         vec![
             ("unplaced", unplaced, "columns and rows"),
             ("no CRS", with_crs(|crs| *crs = Crs::default()), "coordinate system"),
-            ("degrees", with_crs(degrees), "(--max-error) is in metre"),
+            ("degrees", with_crs(degrees), "(‹max_error›) is in metre"),
             ("mixed units", with_crs(|crs| crs.vertical_unit = Some("foot".into())), "is in foot"),
             ("vertical unit unknown", with_crs(|crs| crs.vertical_unit = None), "the unit of its"),
             ("cells not square", turned([30.0, 0.0, 0.0, -20.0]), "30 x 20 metre: 1.5000 times"),

@@ -1,16 +1,20 @@
 //! Curvature: how the ground bends, by the partial quartic of Zevenbergen & Thorne (1987).
 
+use terrane_options::Choice;
+
 use crate::{Derivative, Gradient, Heights, Turn};
 
-/// Which way the ground is looked along.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Which curvature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Kind {
-    /// Of the whole: the negative of the sum of both second derivatives; above 0 where the ground is convex.
+    /// Of the whole: above 0 where the ground is convex
+    ///
+    /// The negative of the sum of both second derivatives.
     #[default]
     General,
-    /// Along the line of steepest descent: above 0 where the slope grows downhill.
+    /// Along the line of steepest descent: above 0 where the slope grows downhill
     Profile,
-    /// Across it: above 0 where water parts.
+    /// Across it: above 0 where water parts
     Plan,
 }
 

@@ -33,6 +33,7 @@ pub use roughness::Roughness;
 pub use ruggedness::{Measure, Ruggedness};
 pub use shade::{Hillshade, Light};
 pub use slope::Slope;
+use terrane_options::Choice;
 
 /// Takes the change of height by column and by row to that by metre east and by metre north: a row for each of the
 /// two.
@@ -80,13 +81,13 @@ fn each<T: Copy>(rows: [&[f64]; 3], out: &mut [T], none: T, at: impl Fn(&Heights
     }
 }
 
-/// How the change of height is told from nine heights.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Gradient algorithm, of nine heights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Gradient {
-    /// All eight neighbours, those straight beside it twice (Horn 1981): smoother.
+    /// All eight neighbours (Horn 1981)
     #[default]
     Horn,
-    /// The four straight beside it (Zevenbergen & Thorne 1987): for smooth ground.
+    /// The four straight beside it (Zevenbergen & Thorne 1987), for smooth ground
     ZevenbergenThorne,
 }
 

@@ -11,7 +11,7 @@ use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
-use crate::jobs::reading::Reading;
+use crate::jobs::options::GridInput;
 use crate::jobs::tin::{Goal, TinJob, TinReport};
 use crate::jobs::verify::VerifyReport;
 use crate::jobs::view::ViewJob;
@@ -90,7 +90,10 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
-    ConvertJob { overwrite: true, resources: resources.clone(), ..ConvertJob::new(rule, grid) }
+    ConvertJob::new(rule, grid).with(|options| {
+        options.file.overwrite = true;
+        options.resources = resources.clone();
+    })
 }
 
 fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
@@ -101,7 +104,7 @@ fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
 fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
     ViewJob {
         input: mesh.to_string_lossy().into_owned().into(),
-        reading: Reading::default(),
+        reading: GridInput::default(),
         output: picture.to_owned(),
         overwrite: true,
         width: 1600,

@@ -11,24 +11,10 @@ use crate::files::is_made;
 use crate::files::path_of;
 use crate::jobs::input::is_mesh;
 use crate::jobs::memory::cache_beside;
+use crate::jobs::options::GridInput;
 use crate::jobs::plan::DiskCheck;
-use crate::jobs::reading::Reading;
 use crate::jobs::{Progress, Resources};
 use crate::raster::OpenOptions;
-
-/// The file that a grid is written to.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct Written {
-    /// Format to write [default: by the output's ending]
-    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
-    pub(crate) format: Option<String>,
-    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
-    #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value, help_heading = "Output")]
-    pub(crate) co: Vec<(String, String)>,
-    /// Replace a file that exists
-    #[arg(long, help_heading = "Output")]
-    pub(crate) overwrite: bool,
-}
 
 /// How a grid is read.
 #[derive(Clone, Debug, Args)]
@@ -51,9 +37,9 @@ pub(crate) struct Grid {
 
 impl Grid {
     /// What is asked to be read, with the water of a file.
-    pub(crate) fn reading(&self, water: Option<&String>) -> Reading {
+    pub(crate) fn reading(&self, water: Option<&String>) -> GridInput {
         let (band, clip) = (self.band.unwrap_or(1), self.clip.clone());
-        Reading { band, nodata: self.nodata, bbox: self.bbox, clip, water: water.cloned() }
+        GridInput { band, nodata: self.nodata, bounds: self.bbox, clip, water: water.cloned() }
     }
 
     /// The same of all of the grid.
@@ -70,7 +56,7 @@ impl Grid {
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
-        let Reading { band, nodata, .. } = self.reading(None);
+        let GridInput { band, nodata, .. } = self.reading(None);
         let usual = OpenOptions::default();
         OpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual }
     }
@@ -118,7 +104,7 @@ impl Grid {
 }
 
 /// Fails when `input` is no grid file, because `option` is about those.
-fn only_grid_files(option: &str, input: &str) -> Result<()> {
+pub(crate) fn only_grid_files(option: &str, input: &str) -> Result<()> {
     if is_made(input) {
         return Err(refusal(option, input, "a synthetic terrain"));
     }

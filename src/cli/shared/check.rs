@@ -33,6 +33,12 @@ pub(crate) fn input(input: &str) -> Result<()> {
     })
 }
 
+/// Fails when a file that is read with the inputs is not there.
+pub(crate) fn beside(files: &[String]) -> Result<()> {
+    let missing = |file: &&String| !is_made(file) && !path_of(raster::file_name(file)).exists();
+    files.iter().find(missing).map_or(Ok(()), |file| Err(Error::missing(&path_of(file))))
+}
+
 /// True where a name leads to nothing; other failures, such as a folder that may not be entered, do
 /// not tell.
 fn is_nowhere(kind: io::ErrorKind) -> bool {

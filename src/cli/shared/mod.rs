@@ -15,6 +15,7 @@ mod progress;
 pub(crate) mod report;
 pub(crate) mod say;
 pub(crate) mod system;
+pub(crate) mod tabled;
 pub(crate) mod text;
 pub(crate) mod verb;
 

@@ -6,6 +6,7 @@ use clap::{ArgMatches, Command};
 
 use crate::cli::shared::many::Many;
 use crate::cli::shared::{Outcome, names};
+use crate::door::Door;
 use crate::error::Result;
 use crate::jobs::Cancel;
 
@@ -15,10 +16,14 @@ pub(crate) trait Verb: clap::Args + 'static {
 
     /// Its usage after its name, where the last of its names is that of the output: clap does not know
     /// that one.
-    const USAGE: Option<&'static str> = None;
+    fn usage() -> Option<String> {
+        None
+    }
 
     /// What it does, where that is not said of its arguments: those of several verbs.
-    const ABOUT: Option<&'static str> = None;
+    fn about() -> Option<String> {
+        None
+    }
 
     /// The lists that its help ends in.
     fn lists() -> Vec<String> {
@@ -65,19 +70,23 @@ impl Entry {
 
 fn command<V: Verb>() -> Command {
     let command = V::augment_args(Command::new(V::NAME));
-    let command = match V::ABOUT {
+    let command = match V::about() {
         Some(about) => {
-            let short = about.lines().next().unwrap_or_default();
+            let short = about.lines().next().unwrap_or_default().to_owned();
             command.about(short).long_about(about)
         }
         None => command,
     };
-    let command = match V::USAGE {
+    let command = match V::usage() {
         Some(usage) => command.override_usage(format!("terrane {} {usage}", V::NAME)),
         None => command,
     };
     let lists = V::lists();
-    if lists.is_empty() { command } else { command.after_help(lists.join("\n\n")) }
+    if lists.is_empty() {
+        command
+    } else {
+        command.after_help(Door::CommandLine.spell(&lists.join("\n\n")).into_owned())
+    }
 }
 
 /// Errors of its job come with the advice that only this verb can give.

@@ -21,9 +21,10 @@ use crate::jobs::Cancel;
 
 impl Verb for Args {
     const NAME: &'static str = "tin";
-    const USAGE: Option<&'static str> = Some(
-        "[OPTIONS] <--max-error <E>|--max-vertices <N>|--max-triangles <N>> <INPUT>... <OUTPUT>",
-    );
+
+    fn usage() -> Option<String> {
+        Some("[OPTIONS] <--max-error <E>|--max-vertices <N>|--max-triangles <N>> <INPUT>... <OUTPUT>".to_owned())
+    }
 
     fn lists() -> Vec<String> {
         vec![lists::grids(), lists::meshes(), lists::meshers(), lists::EXIT_CODES.to_owned()]

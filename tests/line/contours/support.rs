@@ -7,7 +7,7 @@ use std::path::Path;
 use terrane::Result;
 use terrane_base::geom::plane::orient;
 use terrane_base::geom::{Affine, Rect};
-use terrane_jobs::contour::{ContourJob, ContourReport, Heights, run, trace};
+use terrane_jobs::contour::{ContourJob, ContourOptions, ContourReport, run, trace};
 use terrane_jobs::line::Length;
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_raster::{GridInfo, GridSource, SampleType};
@@ -63,10 +63,28 @@ pub struct Line {
     pub xy: Vec<[f64; 2]>,
 }
 
+/// Where lines are drawn.
+#[derive(Clone, Debug)]
+pub enum Heights {
+    Every { interval: f64, base: f64 },
+    List(Vec<f64>),
+}
+
+impl Heights {
+    /// As options.
+    pub fn of(&self, options: &mut ContourOptions) {
+        (options.interval, options.base, options.levels) = match self.clone() {
+            Self::Every { interval, base } => (Some(interval), Some(base), Vec::new()),
+            Self::List(levels) => (None, None, levels),
+        };
+    }
+}
+
 pub fn job(input: &str, output: &Path, interval: f64, tile: u32, threads: usize) -> ContourJob {
-    let heights = Heights::Every { interval, base: 0.0 };
     let resources = Resources { threads, memory: 256 << 20, temp_dir: None };
-    ContourJob { tile, resources, ..ContourJob::new(input, output, heights) }
+    let interval = Some(interval);
+    let options = ContourOptions { interval, tile, resources, ..ContourOptions::default() };
+    ContourJob { input: input.into(), output: output.into(), options }
 }
 
 /// A length in units of the data.
@@ -88,9 +106,9 @@ pub fn lines_of(
 ) -> (Vec<Line>, ContourReport) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lines.geojson");
-    let usual = job("memory", &path, 1.0, tile, threads);
-    let tolerance = tolerance.map(units);
-    let job = ContourJob { heights: heights.clone(), tolerance, ..usual };
+    let mut job = job("memory", &path, 1.0, tile, threads);
+    heights.of(&mut job.options);
+    job.options.tolerance = tolerance.map(units);
     let report = trace(grid, &job, &Silent, &Cancel::default()).unwrap();
     (read(&path, "elev"), report)
 }

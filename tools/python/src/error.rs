@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use terrane::{Error, ErrorKind};
+use terrane_base::door::Door;
 
 /// The Python exception for an error; `terrane._errors` knows which class its kind has.
 pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
@@ -14,10 +15,10 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
         let file = error.path().map(|path| path.display().to_string());
         make.bind(py).call1((
             name(error.kind()),
-            error.to_string(),
+            Door::Python.spell(&error.to_string()),
             file,
             error.place(),
-            error.remedy_text(),
+            error.remedy_text().map(|remedy| Door::Python.spell(remedy)),
             error.is_missing(),
         ))
     };

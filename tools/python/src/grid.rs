@@ -7,15 +7,17 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use terrane::{
-    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, SampleType, TilesBeyond,
-    TilesFormat, TinBuilder,
+    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TilesBeyond, TilesFormat,
+    TinBuilder,
 };
+use terrane_base::door::Door;
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
 
 use crate::array::Elements;
 use crate::error::{exception, told};
 use crate::mesh::{Mesh, crs_text};
+use crate::operation;
 use crate::plan::Plan;
 use crate::report::dictionary;
 use crate::work::{Machine, Settings, run, with_machine};
@@ -225,7 +227,11 @@ impl Grid {
     /// What is odd about it, or easily overlooked: the kind of each note, and its text.
     #[getter]
     fn notes(&self) -> Vec<(&'static str, String)> {
-        self.0.notes().into_iter().map(|note| (note.kind, note.text)).collect()
+        self.0
+            .notes()
+            .into_iter()
+            .map(|note| (note.kind, Door::Python.spell(&note.text).into_owned()))
+            .collect()
     }
 
     /// All heights, row by row, NaN for voids.
@@ -320,36 +326,19 @@ impl Grid {
         dictionary(py, &report)
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn contours<'py>(
+    /// Runs an operation by its name, with options by theirs.
+    fn run<'py>(
         &self,
         py: Python<'py>,
+        operation: &str,
         path: PathBuf,
-        every: Option<f64>,
-        at: Option<Vec<f64>>,
-        tolerance: Option<f64>,
-        with_z: bool,
-        format: Option<String>,
-        system: System,
-        overwrite: bool,
+        options: &Bound<'py, PyDict>,
         settings: Settings,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let operation = operation::named(operation)?;
+        let options = told(py, operation::options_of(operation, options)?)?;
         let report = run(py, settings, |machine| {
-            let builder = with_machine!(self.0.contours(), machine).with_z(with_z);
-            let mut builder = with_system!(builder, system);
-            if let Some(interval) = every {
-                builder = builder.every(interval);
-            }
-            if let Some(heights) = at {
-                builder = builder.at(heights);
-            }
-            if let Some(tolerance) = tolerance {
-                builder = builder.simplify(tolerance);
-            }
-            if let Some(format) = format {
-                builder = builder.format(format);
-            }
-            builder.overwrite(overwrite).write(path)
+            self.0.run(operation, &path, &options, &machine.progress, &machine.cancel)
         })?;
         dictionary(py, &report)
     }
@@ -375,35 +364,6 @@ impl Grid {
             }
             if let Some(level) = asked.max_level {
                 builder = builder.max_level(level);
-            }
-            builder.overwrite(overwrite).write(path)
-        })?;
-        dictionary(py, &report)
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn convert<'py>(
-        &self,
-        py: Python<'py>,
-        path: PathBuf,
-        dtype: Option<String>,
-        round: bool,
-        creation: Vec<(String, String)>,
-        format: Option<String>,
-        overwrite: bool,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let report = run(py, settings, |machine| {
-            let mut builder = with_machine!(self.0.convert(), machine).round(round);
-            if let Some(name) = dtype {
-                let unknown = || terrane::Error::usage(format!("{name:?} is no type of samples"));
-                builder = builder.sample_type(SampleType::by_name(&name).ok_or_else(unknown)?);
-            }
-            if let Some(format) = format {
-                builder = builder.format(format);
-            }
-            for (key, value) in creation {
-                builder = builder.creation(key, value);
             }
             builder.overwrite(overwrite).write(path)
         })?;

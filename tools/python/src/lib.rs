@@ -8,6 +8,7 @@ mod grid;
 mod interpreter;
 mod lines;
 mod mesh;
+mod operation;
 mod plan;
 mod points;
 mod report;
@@ -32,6 +33,7 @@ fn _terrane(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<mesh::Mesh>()?;
     module.add_class::<plan::Plan>()?;
     module.add_function(wrap_pyfunction!(command_line, module)?)?;
+    module.add_function(wrap_pyfunction!(operation::operations, module)?)?;
     module.add_function(wrap_pyfunction!(lines::read_lines, module)?)?;
     module.add_function(wrap_pyfunction!(lines::simplify_places, module)?)?;
     module.add_function(wrap_pyfunction!(lines::simplify_file, module)?)?;

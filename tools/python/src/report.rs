@@ -3,6 +3,7 @@
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use serde::Serialize;
+use terrane_base::door::Door;
 
 /// What `--json` tells of a job.
 pub(crate) fn dictionary<'py>(
@@ -10,5 +11,5 @@ pub(crate) fn dictionary<'py>(
     report: &impl Serialize,
 ) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(report).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
-    py.import("json")?.getattr("loads")?.call1((text,))
+    py.import("json")?.getattr("loads")?.call1((Door::Python.spell(&text),))
 }

@@ -327,7 +327,7 @@ fn waves(origins: &[Origin<'_>]) -> Result<Option<String>> {
             shown(first.name)
         ))
         .in_file(&path_of(other.name))
-        .remedy("write them on their own, or leave waveforms out with --point-format 6")),
+        .remedy("write them on their own, or leave waveforms out with ‹point_format› 6")),
         None => Ok(Some(format!(
             "waveforms stay where they are, in the .wdp file beside {}: copy it to the name of the output with .wdp",
             shown(first.name)
@@ -360,7 +360,7 @@ fn records(origins: &[Origin<'_>], format: PointFormat) -> Result<(Vec<Record>, 
         .any(|name| WAVES.clone().any(|number| *name == format!("{} {number}", extra::USER)))
     {
         return Err(Error::unsupported("the files describe their waveforms differently")
-            .remedy("write them on their own, or leave waveforms out with --point-format 6"));
+            .remedy("write them on their own, or leave waveforms out with ‹point_format› 6"));
     }
     let note = (!parted.is_empty()).then(|| {
         format!("records that are not the same in all files are left out: {}", parted.join(", "))
@@ -381,7 +381,7 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Record>> {
         return Err(Error::unsupported(
             "its waveforms are inside of the file, and they are not written yet",
         )
-        .remedy("leave them out with --point-format 6, or 7 with colours"));
+        .remedy("leave them out with ‹point_format› 6, or 7 with colours"));
     }
     let mut left = MOST_BYTES;
     let carried = file.vlrs.iter().filter(|vlr| is_carried(vlr));

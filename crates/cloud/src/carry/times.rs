@@ -70,7 +70,7 @@ impl Times {
             Self::Gps(millions) => Err(Error::unsupported(format!(
                 "its times are GPS times less {millions} million seconds, which LAS {version} cannot say"
             ))
-            .remedy("write .las or .laz with --las-version 1.5")),
+            .remedy("write .las or .laz with ‹las_version› 1.5")),
         }
     }
 

@@ -99,7 +99,7 @@ fn lacking(claimed: u64, there: u64) -> Error {
     Error::bad_input(format!(
         "file is truncated or damaged: {claimed} points claimed, {there} there"
     ))
-    .remedy("copy the file again, or read the good part with --salvage")
+    .remedy("copy the file again, or read the good part with ‹salvage›")
 }
 
 /// What is to be said of points that no header counts.
@@ -257,7 +257,7 @@ impl LasFile {
         let last = part.first + part.points - 1;
         Err(Error::bad_input(format!("it is damaged: {what}"))
             .at(format_args!("chunk {number}, points {} to {last}", part.first))
-            .remedy("copy the file again, or read the good part with --salvage"))
+            .remedy("copy the file again, or read the good part with ‹salvage›"))
     }
 
     /// Where points of a part may lie: in the bounds claimed, and in the cube of an octree's node.

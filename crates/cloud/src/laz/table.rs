@@ -74,7 +74,7 @@ pub(crate) fn read(
             Ok((table, Found { note: Some(note), more: 0 }))
         }
         Err(missing) => Err(Error::bad_input(missing.what)
-            .remedy("copy the file again, or read the good part with --salvage")),
+            .remedy("copy the file again, or read the good part with ‹salvage›")),
     }
 }
 

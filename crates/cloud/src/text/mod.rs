@@ -94,7 +94,7 @@ impl TextFile {
             if let Some((line, what)) = &survey.bad {
                 return Err(Error::bad_input(what.clone())
                     .at(format_args!("line {}", number + line + 1))
-                    .remedy("--salvage passes such lines over"));
+                    .remedy("‹salvage› passes such lines over"));
             }
             number += survey.lines;
         }

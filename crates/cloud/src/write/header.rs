@@ -201,7 +201,7 @@ fn no_text(crs: &Crs) -> Error {
         "LAS 1.5 has reference systems as well-known text only, and {} cannot be written so",
         crs.label()
     );
-    Error::new(ErrorKind::CannotWrite, message).remedy("choose --las-version 1.4")
+    Error::new(ErrorKind::CannotWrite, message).remedy("choose ‹las_version› 1.4")
 }
 
 fn too_long(vlr: &Vlr) -> Error {

@@ -106,7 +106,7 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
     if !overwrite && path.symlink_metadata().is_ok() {
         return Err(Error::new(ErrorKind::Usage, "output exists already")
             .in_file(path)
-            .remedy("choose another name or pass --overwrite"));
+            .remedy("choose another name or pass ‹overwrite›"));
     }
     Ok(())
 }

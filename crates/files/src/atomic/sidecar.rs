@@ -95,7 +95,7 @@ fn foreign(path: &Path) -> Error {
     let message = "belongs to an earlier file and would be read with the new one";
     Error::new(ErrorKind::Usage, message)
         .in_file(path)
-        .remedy("write to another name, or pass --overwrite to have it removed")
+        .remedy("write to another name, or pass ‹overwrite› to have it removed")
 }
 
 #[cfg(test)]

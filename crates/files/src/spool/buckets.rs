@@ -408,7 +408,7 @@ mod tests {
         let buckets = Buckets::new(Path::new("/nonexistent/terrane"), 1, 64);
         buckets.push(0, &[1_u32; 16]).unwrap();
         let error = buckets.push(0, &[1_u32]).unwrap_err();
-        assert!(error.to_string().contains("--temp-dir"), "{error}");
+        assert!(error.to_string().contains("‹temp_dir›"), "{error}");
         assert_eq!(all_of(&buckets, 0), [1; 17], "what is in memory is still there");
     }
 }

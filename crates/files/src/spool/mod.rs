@@ -40,7 +40,7 @@ pub(crate) fn failure(folder: &Path, action: &str, source: io::Error) -> Error {
     };
     Error::io(kind, &format!("{action} the temporary folder"), plain(source))
         .in_file(folder)
-        .remedy("choose a folder with room with --temp-dir")
+        .remedy("choose a folder with room with ‹temp_dir›")
 }
 
 /// Bytes of a file that is given back in a moment.
@@ -150,7 +150,7 @@ impl Drop for Spool {
 
 /// What is put here is what memory had no room for.
 fn allow_memory(error: Error) -> Error {
-    error.remedy("choose a folder with room with --temp-dir, or allow more --memory")
+    error.remedy("choose a folder with room with ‹temp_dir›, or allow more ‹memory›")
 }
 
 /// Which bytes of the file are free.
@@ -262,7 +262,7 @@ mod tests {
         for error in [spool.put(&[b"x"]).unwrap_err(), nameless(missing).unwrap_err()] {
             assert_eq!((error.kind(), error.path()), (ErrorKind::CannotWrite, Some(missing)));
             let told = error.to_string();
-            assert!(told.contains("--temp-dir") && !told.contains("at path"), "{told}");
+            assert!(told.contains("‹temp_dir›") && !told.contains("at path"), "{told}");
         }
         assert_eq!(spool.written(), 0);
     }
@@ -303,7 +303,7 @@ mod tests {
         }
         let [error] = &failures[..] else { panic!("{} failures", failures.len()) };
         assert_eq!((error.kind(), error.path()), (ErrorKind::Io, Some(folder.path())));
-        assert!(error.to_string().contains("--memory"), "{error}");
+        assert!(error.to_string().contains("‹memory›"), "{error}");
         let room = lock(&spool.space).end;
         assert_eq!(room, 150 * all.len() as u64, "the room of what failed is used again");
     }

@@ -22,7 +22,7 @@ pub fn check_power(power: f64) -> Result<()> {
 const POWER: Parameter = Parameter {
     key: "power",
     value: NUMBER,
-    about: "weights are distance^-power, 4 at most [--power]",
+    about: "weights are distance^-power, 4 at most [‹power›]",
 };
 
 pub(super) const IDW: Method = Method {

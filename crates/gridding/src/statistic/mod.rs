@@ -291,7 +291,7 @@ const NUMBER: &str = "NUMBER";
 const RADIUS: Parameter = Parameter {
     key: "radius",
     value: NUMBER,
-    about: "points nearer than this to the cell's centre [--radius]",
+    about: "points nearer than this to the cell's centre [‹radius›]",
 };
 
 /// All statistics. A new one is a file in this folder and a line here.

@@ -17,7 +17,7 @@ pub enum Shape {
 const MAX_EDGE: Parameter = Parameter {
     key: "max_edge",
     value: NUMBER,
-    about: "triangles with a longer edge are no surface [--max-edge]",
+    about: "triangles with a longer edge are no surface [‹max_edge›]",
 };
 
 pub(super) const TIN: Method = Method {

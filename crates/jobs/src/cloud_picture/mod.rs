@@ -151,7 +151,7 @@ fn threads(cells: &Cells, resources: &Resources) -> Result<usize> {
         let enough = need + WORKER + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
         let message = format!("a picture of {count} cells takes {mib} MiB of memory");
-        return Err(short(message, enough).or("larger cells with --cell"));
+        return Err(short(message, enough).or("larger cells with ‹cell›"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
 }
@@ -170,7 +170,7 @@ impl Cells {
         let side = side.unwrap_or_else(|| usual_side(info, bounds));
         if info.frame.scale[..2].iter().any(|step| side < *step) {
             let message = format!("cells of {side} are smaller than a step of the points");
-            return Err(Error::usage(message).remedy("choose a larger --cell"));
+            return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
         let lattice = Lattice::new(&info.frame, [0.0; 2], [side; 2], Edges::default());
         let span = lattice.span(bounds);
@@ -179,7 +179,7 @@ impl Cells {
         if let Some(cells) = size.into_iter().find(|cells| *cells > most) {
             let message =
                 format!("cells of {side} are {cells} along a side, and a picture has up to {most}");
-            return Err(Error::usage(message).remedy("choose a larger --cell"));
+            return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
         Ok(Self { side, lattice, first: span.map(|[low, _]| low), size: size.map(|n| n as usize) })
     }

@@ -220,5 +220,5 @@ fn check_single(bounds: [Point; 2], centre: Point, format: &MeshFormat) -> Resul
         return Ok(());
     }
     let message = format!("{} stores f32, which does not hold a cloud of this extent", format.name);
-    Err(Error::usage(message).remedy("write PLY or OBJ, or a part of the cloud with --bounds"))
+    Err(Error::usage(message).remedy("write PLY or OBJ, or a part of the cloud with ‹bounds›"))
 }

@@ -40,11 +40,12 @@ pub(super) struct Budget {
 
 impl Budget {
     pub(super) fn divide(job: &ContourJob) -> Result<Self> {
-        let side = u64::from(job.tile) + 1;
+        let side = u64::from(job.options.tile) + 1;
         let samples = side * side * 8;
-        let each = CROSSING_BYTES + job.tolerance.map_or(0, |_| SIMPLIFYING_BYTES);
+        let each = CROSSING_BYTES + job.options.tolerance.map_or(0, |_| SIMPLIFYING_BYTES);
         let [least, most] = CROSSINGS;
-        let (memory, threads) = (job.resources.memory, job.resources.threads.max(1));
+        let (memory, threads) =
+            (job.options.resources.memory, job.options.resources.threads.max(1));
         let share = (memory / 4 / threads as u64).saturating_sub(samples);
         let crossings = (share / each).clamp(least, most);
         let shares = memory::divide(memory, threads, samples + crossings * each)?;

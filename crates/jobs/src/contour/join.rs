@@ -230,5 +230,5 @@ impl Pieces {
 
 fn too_many(most: u64) -> Error {
     Error::new(ErrorKind::Resource, format!("more than {most} pieces of contours"))
-        .remedy("allow more --memory, choose a larger --tile, or widen --interval")
+        .remedy("allow more ‹memory›, choose a larger ‹tile›, or widen ‹interval›")
 }

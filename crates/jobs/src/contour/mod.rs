@@ -33,135 +33,139 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use crate::line::{Length, Measure, Threshold, goal_of};
-use crate::reading::Reading;
-use crate::transform::{Moving, Transform, Transformed, extent_of};
+use crate::operation::{Operation, Writes};
+use crate::options::{FileOutput, Finite, GridInput, LengthText, Numbers, Reprojection};
+use crate::transform::{Moving, Transformed, extent_of};
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
 use budget::Budget;
 use join::Pieces;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_contour::Levels;
-use terrane_crs::Operation;
+use terrane_crs as crs;
 use terrane_files::{folder_for, lock, unlocked};
+use terrane_options::{Options, Range, Rule};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
 use terrane_vector::{self as vector, FeatureSink, VectorFormat, WriteOptions};
 use tiles::{Tiles, Worker};
 
-/// The heights of contour lines.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Heights {
-    /// Multiples of `interval`, counted from `base`.
-    Every {
-        /// Distance of neighbouring levels, in the vertical unit of the data.
-        interval: f64,
-        /// One of the levels.
-        base: f64,
-    },
-    /// These.
-    List(Vec<f64>),
+/// Cells along the side of a tile, least to most.
+const TILE_CELLS: [f64; 2] = [16.0, 8192.0];
+
+/// Make contour lines of a grid
+///
+/// The surface is linear along the lines between neighbouring samples; higher ground is on the right of each line. Lines end
+/// at voids and at the border, do not branch, and do not touch each other. With ‹tolerance› they are simplified, and neither
+/// cross nor touch afterwards. The file is the same for any number of threads and any memory.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+pub struct ContourOptions {
+    /// Lines at all multiples of this height, in the vertical unit of the data
+    #[option(short = 'i', alias = "every", value = "HEIGHT", range = Range::POSITIVE, heading = "Levels")]
+    pub interval: Option<f64>,
+    /// Lines at these heights, such as 10,50,100, instead
+    #[option(alias = "at", value = "LIST", with = Numbers, heading = "Levels")]
+    pub levels: Vec<f64>,
+    /// Height from which the multiples are counted
+    #[option(alias = "offset", value = "HEIGHT", with = Finite, usual = "0", heading = "Levels")]
+    pub base: Option<f64>,
+    /// Mark lines at every N-th level from the base in a property "index" (true or false)
+    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), heading = "Levels")]
+    pub index: Option<u32>,
+    /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit: 100m, 2km, 50ft (of
+    /// longitudes and latitudes on the ellipsoid); lines still neither cross nor touch
+    #[option(alias = "simplify", value = "LENGTH", with = LengthText, heading = "Simplification")]
+    pub tolerance: Option<Length>,
+    /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they may have lost
+    #[option(value = "CELLS", default = 1024, range = Range::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
+    pub tile: u32,
+    /// Name of the property that holds the height of a line
+    #[option(short = 'a', value = "NAME", default = "elev".to_owned(), heading = "Output")]
+    pub attribute: String,
+    /// Give each vertex the height of its line
+    #[option(alias = "3d", heading = "Output")]
+    pub with_z: bool,
+    /// What is written.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// In which system it is written.
+    #[option(flatten)]
+    pub reprojection: Reprojection,
+    /// What is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// What the job may use.
+    #[option(flatten)]
+    pub resources: Resources,
 }
 
-/// Cells along the side of a tile, least to most.
-pub const TILE_CELLS: std::ops::RangeInclusive<u32> = 16..=8192;
+const RULES: &[Rule] = &[
+    Rule::OneOf(&["interval", "levels"], "levels of lines"),
+    Rule::NotWith("levels", &["base", "index"]),
+];
 
-/// Cells along the side of a tile, unless told otherwise.
-pub const USUAL_TILE: u32 = 1024;
+impl Operation for ContourOptions {
+    const NAME: &'static str = "contour";
+    const WRITES: Writes = Writes::Lines;
+    type Report = ContourReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        self.format(output).map(drop)
+    }
+
+    fn run(
+        &self,
+        inputs: &Inputs,
+        output: &Path,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<ContourReport> {
+        let (input, output) = (inputs.clone(), output.to_path_buf());
+        run(&ContourJob { input, output, options: self.clone() }, progress, cancel)
+    }
+}
+
+impl ContourOptions {
+    fn heights(&self) -> Result<Levels> {
+        match self.interval {
+            Some(interval) => Levels::every(interval, self.base.unwrap_or(0.0)),
+            None => Levels::list(self.levels.clone()),
+        }
+    }
+
+    /// The format to write.
+    fn format(&self, output: &Path) -> Result<&'static VectorFormat> {
+        self.heights()?;
+        if self.index.is_some() && self.attribute == write::INDEX {
+            return Err(Error::usage("the heights and the marks of index contours have one name")
+                .remedy("choose another ‹attribute›"));
+        }
+        let format = vector::by_path(output, self.file.format.as_deref())?;
+        if !format.holds.kinds.contains(&vector::Kind::LineString) {
+            return Err(Error::usage(format!("{} holds no lines", format.name))
+                .in_file(output)
+                .remedy("write GeoJSON, FlatGeobuf or a shapefile"));
+        }
+        Ok(format)
+    }
+}
 
 /// Contour lines to make.
 #[derive(Clone, Debug)]
 pub struct ContourJob {
     /// Grid files, or a synthetic terrain by name.
     pub input: Inputs,
-    /// What is read of it.
-    pub reading: Reading,
     /// File of features to write.
     pub output: PathBuf,
-    /// Name of the format to write; by the output's ending when `None`.
-    pub format: Option<String>,
-    /// Replace an existing output.
-    pub overwrite: bool,
-    /// Where lines are drawn.
-    pub heights: Heights,
-    /// Largest distance of a vertex that is left out from the line; all vertices are kept when `None`.
-    pub tolerance: Option<Length>,
-    /// Name of the property that holds the height of a line.
-    pub attribute: String,
-    /// Give each vertex the height of its line as z.
-    pub with_z: bool,
-    /// Mark each level of this number of intervals from the base.
-    pub index: Option<u32>,
-    /// Cells along the side of a tile, in [`TILE_CELLS`].
-    pub tile: u32,
-    /// The system to write in; that of the grid when `None`.
-    pub transform: Option<Transform>,
-    /// What the job may use.
-    pub resources: Resources,
-}
-
-impl Heights {
-    fn is_every(&self) -> bool {
-        matches!(self, Self::Every { .. })
-    }
+    /// What they are to be.
+    pub options: ContourOptions,
 }
 
 impl ContourJob {
-    /// The job with everything else at its default.
-    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, heights: Heights) -> Self {
-        Self {
-            input: input.into(),
-            reading: Reading::default(),
-            output: output.into(),
-            format: None,
-            overwrite: false,
-            heights,
-            tolerance: None,
-            attribute: "elev".to_owned(),
-            with_z: false,
-            index: None,
-            tile: USUAL_TILE,
-            transform: None,
-            resources: Resources::default(),
-        }
-    }
-
-    fn levels(&self) -> Result<Levels> {
-        match &self.heights {
-            Heights::Every { interval, base } => Levels::every(*interval, *base),
-            Heights::List(levels) => Levels::list(levels.clone()),
-        }
-    }
-
     /// What can be known to be wrong before any work; the format to write.
-    ///
-    /// # Errors
-    /// Levels that are none, a tile or tolerance out of range, an unknown format or one that holds no
-    /// lines.
-    pub fn check(&self) -> Result<&'static VectorFormat> {
-        self.levels()?;
-        if !TILE_CELLS.contains(&self.tile) {
-            let (least, most) = TILE_CELLS.into_inner();
-            return Err(Error::usage(format!("tiles of {} cells", self.tile))
-                .remedy(format!("choose {least} to {most}")));
-        }
-        if self.tolerance.is_some_and(|t| !(t.value >= 0.0 && t.value.is_finite())) {
-            return Err(Error::usage("the tolerance is not a distance")
-                .remedy("give a number of 0 or more"));
-        }
-        if self.index == Some(0) || (self.index.is_some() && !self.heights.is_every()) {
-            return Err(Error::usage("index contours are counted in intervals, 1 or more")
-                .remedy("give an interval instead of levels, or leave --index out"));
-        }
-        if self.index.is_some() && self.attribute == write::INDEX {
-            return Err(Error::usage("the heights and the marks of index contours have one name")
-                .remedy("choose another --attribute"));
-        }
-        let format = vector::by_path(&self.output, self.format.as_deref())?;
-        if !format.holds.kinds.contains(&vector::Kind::LineString) {
-            return Err(Error::usage(format!("{} holds no lines", format.name))
-                .in_file(&self.output)
-                .remedy("write GeoJSON, FlatGeobuf or a shapefile"));
-        }
-        Ok(format)
+    fn check(&self) -> Result<&'static VectorFormat> {
+        terrane_options::check(&self.options)?;
+        self.options.format(&self.output)
     }
 }
 
@@ -207,15 +211,15 @@ pub struct ContourReport {
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
-/// Those of [`ContourJob::check`]; an output that exists or cannot be written; whatever the grid's
+/// Options that cannot be; an output that exists or cannot be written; whatever the grid's
 /// opener finds; heights beyond 1e30; too little memory.
 pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ContourReport> {
     let start = Instant::now();
     job.check()?;
-    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.options.file.overwrite)?;
     let budget = Budget::divide(job)?;
     let cache_bytes = usize::try_from(budget.cache).unwrap_or(usize::MAX);
-    let options = job.reading.options(&job.resources, cache_bytes)?;
+    let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
     let options = OpenOptions { threads: budget.threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     let work = Work::new(job, source.info())?;
@@ -251,7 +255,7 @@ struct Work<'a> {
     tolerance: Option<Tolerance>,
     budget: Budget,
     info: GridInfo,
-    operation: Option<Arc<Operation>>,
+    operation: Option<Arc<crs::Operation>>,
 }
 
 impl<'a> Work<'a> {
@@ -260,8 +264,8 @@ impl<'a> Work<'a> {
         Ok(Self {
             job,
             format: job.check()?,
-            levels: job.levels()?,
-            tolerance: job.tolerance.map(|length| measured(length, info)).transpose()?,
+            levels: job.options.heights()?,
+            tolerance: job.options.tolerance.map(|length| measured(length, info)).transpose()?,
             budget: Budget::divide(job)?,
             info: info.clone(),
             operation: job.operation(info)?.map(Arc::new),
@@ -270,8 +274,8 @@ impl<'a> Work<'a> {
 
     fn sink(&self) -> Result<Box<dyn FeatureSink>> {
         let options = WriteOptions {
-            overwrite: self.job.overwrite,
-            temp_dir: self.job.resources.temp_dir.clone(),
+            overwrite: self.job.options.file.overwrite,
+            temp_dir: self.job.options.resources.temp_dir.clone(),
             ..WriteOptions::default()
         };
         let mut layer = write::layer(self.job, self.format, &self.info);
@@ -289,7 +293,7 @@ impl<'a> Work<'a> {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Pieces> {
-        let tiles = Tiles::new(&self.info, self.job.tile);
+        let tiles = Tiles::new(&self.info, self.job.options.tile);
         progress.begin("trace", self.samples());
         let pieces = Mutex::new(Pieces::new(&self.budget, self.job.spill_folder()));
         let Self { levels, budget, tolerance, .. } = self;
@@ -332,7 +336,7 @@ impl<'a> Work<'a> {
         let run = Figures {
             threads: self.budget.threads,
             spilled_bytes: made.run.spilled_bytes,
-            ..Figures::since(start, &job.resources)
+            ..Figures::since(start, &job.options.resources)
         };
         Ok(ContourReport {
             input: job.input.to_string(),
@@ -343,7 +347,7 @@ impl<'a> Work<'a> {
             crs: info.crs.label(),
             transformed: operation.map(Transformed::of),
             tolerance: self.tolerance.map(Tolerance::threshold),
-            tile: job.tile,
+            tile: job.options.tile,
             samples: self.samples(),
             samples_per_second: run.rate(self.samples()),
             run,
@@ -366,11 +370,11 @@ impl<'a> Work<'a> {
 
 impl ContourJob {
     /// What leads to the system to write in.
-    fn operation(&self, info: &GridInfo) -> Result<Option<Operation>> {
-        let Some(transform) = &self.transform else { return Ok(None) };
+    fn operation(&self, info: &GridInfo) -> Result<Option<crs::Operation>> {
+        let Some(transform) = self.options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.input.to_string(), Some(extent_of(info)));
         let source = (Path::new(&input), &info.crs);
-        let operation = transform.operation(source, extent, &self.resources)?;
+        let operation = transform.operation(source, extent, &self.options.resources)?;
         match operation.keeps_heights() {
             true => Ok(Some(operation)),
             false => Err(Error::unsupported(
@@ -382,7 +386,7 @@ impl ContourJob {
 
     /// Where pieces are spilled: the folder asked for, or the output's.
     fn spill_folder(&self) -> &Path {
-        folder_for(&self.output, self.resources.temp_dir.as_deref())
+        folder_for(&self.output, self.options.resources.temp_dir.as_deref())
     }
 }
 
@@ -407,7 +411,7 @@ fn measured(length: Length, info: &GridInfo) -> Result<Tolerance> {
     let latitude = |[col, row]: [f64; 2]| info.transform.apply(col, row)[1];
     if measure == Measure::Geographic && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6) {
         return Err(Error::bad_input("a latitude is beyond 90 degrees")
-            .remedy("pass --tolerance as a plain number, in units of x and y"));
+            .remedy("pass ‹tolerance› as a plain number, in units of x and y"));
     }
     Ok(Tolerance { measure, value })
 }

@@ -25,8 +25,8 @@ const BATCH: usize = 256;
 pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) -> Layer {
     let field = |name: &str, kind| Field { name: name.into(), kind, width: None, decimals: None };
     let id = (!format.holds.ids).then(|| field(ID, FieldKind::Int));
-    let height = field(&job.attribute, FieldKind::Real);
-    let index = job.index.map(|_| field(INDEX, FieldKind::Bool));
+    let height = field(&job.options.attribute, FieldKind::Real);
+    let index = job.options.index.map(|_| field(INDEX, FieldKind::Bool));
     let schema = Some(id.into_iter().chain([height]).chain(index).collect());
     Layer { name: Some("contour".to_owned()), crs: info.crs.clone(), schema, ..Layer::default() }
 }
@@ -85,7 +85,7 @@ impl Writer<'_> {
             ErrorKind::Resource,
             format!("a contour at {height} has {vertices} vertices, and {most} fit into memory"),
         )
-        .remedy("allow more --memory, or a larger --tolerance"))
+        .remedy("allow more ‹memory›, or a larger ‹tolerance›"))
     }
 
     /// True for a line along samples exactly on its level that ends where it began and has no cell
@@ -108,7 +108,7 @@ impl Writer<'_> {
         if transform.determinant() > 0.0 {
             xy.reverse();
         }
-        let z = if self.job.with_z { vec![height; xy.len()] } else { Vec::new() };
+        let z = if self.job.options.with_z { vec![height; xy.len()] } else { Vec::new() };
         let geometry = Geometry::new(Kind::LineString, Coordinates { z, ..Coordinates::of(xy) })?;
         let number = number as i64;
         let mut properties = Properties::default();
@@ -116,8 +116,8 @@ impl Writer<'_> {
         if id.is_none() {
             properties.push(ID, Value::Int(number));
         }
-        properties.push(self.job.attribute.as_str(), Value::Real(height));
-        if let Some(every) = self.job.index {
+        properties.push(self.job.options.attribute.as_str(), Value::Real(height));
+        if let Some(every) = self.job.options.index {
             let is_index = i64::from(line.level) % i64::from(every) == 0;
             properties.push(INDEX, Value::Bool(is_index));
         }

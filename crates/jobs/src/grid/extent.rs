@@ -66,9 +66,9 @@ impl Placement {
             |what: &str| Err(Error::usage(what.to_owned()).remedy("leave one of them out"));
         let is_size = |cell: &[f64; 2]| cell.iter().all(|side| *side > 0.0 && side.is_finite());
         match (&self.like, &self.cell) {
-            (Some(_), Some(_)) => return refuse("--like has cells of its own beside --cell"),
+            (Some(_), Some(_)) => return refuse("‹like› has cells of its own beside ‹cell›"),
             (None, None) if !is_model => {
-                return Err(Error::usage("no cell size is given").remedy("add --cell or --like"));
+                return Err(Error::usage("no cell size is given").remedy("add ‹cell› or ‹like›"));
             }
             (None, Some(cell)) if !is_size(cell) => {
                 return Err(Error::usage("a cell has sides above zero"));
@@ -76,10 +76,10 @@ impl Placement {
             _ => {}
         }
         if self.like.is_some() && (self.align.is_some() || self.bbox.is_some()) {
-            return refuse("--like says where all cells lie, beside --align or --bbox");
+            return refuse("‹like› says where all cells lie, beside ‹align› or ‹bbox›");
         }
         if compat == Compat::Pdal && (self.align.is_some() || self.like.is_some()) {
-            return refuse("PDAL's grids begin at the lowest point, beside --align or --like");
+            return refuse("PDAL's grids begin at the lowest point, beside ‹align› or ‹like›");
         }
         Ok(())
     }
@@ -109,7 +109,7 @@ const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
     let unknown = || {
         Error::usage("it cannot be told how far apart the points are")
-            .remedy("pass --cell, the side of a cell")
+            .remedy("pass ‹cell›, the side of a cell")
     };
     let [low, high] = info.bounds.ok_or_else(unknown)?.map(|end| info.frame.world(end));
     let area = (high[0] - low[0]) * (high[1] - low[1]);
@@ -136,7 +136,7 @@ impl Extent {
                 let (base, spans) = by_cell(cloud, job)?;
                 let note = || {
                     format!(
-                        "cells of {}: about the distance between points; --cell takes others",
+                        "cells of {}: about the distance between points; ‹cell› takes others",
                         base.x.world_cell()
                     )
                 };
@@ -236,7 +236,7 @@ fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result
         cell[0], cell[1], sides[0], sides[1]
     ))
     .remedy(format!(
-        "--cell counts degrees here: for {} x {} metres pass --cell {x:.2e},{y:.2e}",
+        "‹cell› counts degrees here: for {} x {} metres pass ‹cell› {x:.2e},{y:.2e}",
         cell[0], cell[1]
     )))
 }
@@ -274,7 +274,7 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
             return Err(Error::bad_input(
                 "the cloud has no points, so nothing says where its grid lies",
             )
-            .remedy("give --bbox or --like"));
+            .remedy("give ‹bbox› or ‹like›"));
         }
     };
     Ok((lattice, spans))
@@ -287,7 +287,7 @@ fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
     let count = ((high - HAIR).ceil() - first).max(1.0);
     if count > most {
         return Err(Error::limit("number of columns or rows", count, most)
-            .remedy("choose larger cells or a smaller --bbox"));
+            .remedy("choose larger cells or a smaller ‹bbox›"));
     }
     within_reach([first as i64, count as i64])
 }
@@ -299,7 +299,7 @@ fn within_reach([first, count]: [i64; 2]) -> Result<[i64; 2]> {
         false => Err(Error::usage(format!(
             "cells as small as this are further than {FAR} cells from where their lattice begins"
         ))
-        .remedy("choose larger cells with --cell, or a corner of them nearby with --origin")),
+        .remedy("choose larger cells with ‹cell›, or a corner of them nearby with ‹origin›")),
     }
 }
 
@@ -314,7 +314,7 @@ fn like_grid(
     let GridInfo { width, height, transform: t, georeferenced, .. } = *source.info();
     let upright = t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0;
     if !georeferenced || !upright {
-        return Err(Error::unsupported("a grid that --like goes by must lie somewhere, north up")
+        return Err(Error::unsupported("a grid that ‹like› goes by must lie somewhere, north up")
             .in_file(path));
     }
     let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };

@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::{GridJob, GridReport, GridStage};
 use crate::convert::{copy_levels, task};
 use crate::memory::cache_beside;
-use crate::reading::Reading;
+use crate::options::GridInput;
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, Result};
 use terrane_files::{folder_for, name_of};
@@ -22,7 +22,7 @@ pub(super) fn run(
     cancel: &Cancel,
 ) -> Result<GridReport> {
     let start = Instant::now();
-    let reading = Reading { water: Some(water.to_owned()), ..Reading::default() };
+    let reading = GridInput { water: Some(water.to_owned()), ..GridInput::default() };
     let cache_bytes = cache_beside(job.resources.memory);
     let options = reading.options(&job.resources, cache_bytes)?;
     let folder = folder_for(&job.output, job.resources.temp_dir.as_deref());

@@ -235,14 +235,14 @@ impl GridJob {
         let around = self.compat == Compat::Pdal || lack("radius");
         let fills = self.stats.iter().any(|asked| asked.statistic.fills());
         let options = [
-            ("--radius", self.radius.is_some() && !around, "for idw and nearest without one"),
-            ("--power", self.power.is_some() && !lack("power"), "for idw without one"),
+            ("‹radius›", self.radius.is_some() && !around, "for idw and nearest without one"),
+            ("‹power›", self.power.is_some() && !lack("power"), "for idw without one"),
             (
-                "--max-edge",
+                "‹max_edge›",
                 self.max_edge.is_some() && !lack("max_edge"),
-                "for tin without one, --dtm, --dsm and --chm",
+                "for tin without one, ‹dtm›, ‹dsm› and ‹chm›",
             ),
-            ("--fill", self.fill > 0 && !fills, "for heights, not for counts and classes"),
+            ("‹fill›", self.fill > 0 && !fills, "for heights, not for counts and classes"),
         ];
         match options.into_iter().find(|(_, idles, _)| *idles) {
             Some((option, _, why)) => {
@@ -258,16 +258,16 @@ impl GridJob {
         let format = self.format()?;
         format.check(&self.creation)?;
         if self.nodata != NODATA {
-            format.check_voids("--nodata")?;
+            format.check_voids("‹nodata›")?;
         }
         gridding::check_power(self.power.unwrap_or(1.0))?;
         if self.stats.is_empty() {
-            return Err(Error::usage("no statistic is asked for").remedy("add --stat mean"));
+            return Err(Error::usage("no statistic is asked for").remedy("add ‹stat› mean"));
         }
         self.preset.map_or(Ok(()), |preset| preset::check(preset, self))?;
         if self.water.is_some() && self.preset != Some(Preset::Dtm) {
-            return Err(Error::usage("--water is for models of the ground")
-                .remedy("leave it out, or pass --dtm"));
+            return Err(Error::usage("‹water› is for models of the ground")
+                .remedy("leave it out, or pass ‹dtm›"));
         }
         self.placement.check(self.compat, self.preset.is_some())?;
         self.check_idle()?;

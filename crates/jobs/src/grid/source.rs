@@ -141,7 +141,7 @@ impl<'a> BandSource<'a> {
         let is_count = self.band().statistic.is_whole();
         if is_count && let Some(most) = values.iter().find(|count| **count > EXACT) {
             return Err(Error::usage(format!("a count of {most} is not exact in float32"))
-                .remedy("pass --type float64"));
+                .remedy("pass ‹type› float64"));
         }
         out.iter_mut().zip(values).for_each(|(out, value)| *out = *value as f32);
         Ok(())

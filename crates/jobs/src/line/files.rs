@@ -140,7 +140,7 @@ fn in_folder(job: &LineJob, input: &Path) -> Result<Pair> {
     if format.create.is_none() {
         return Err(Error::usage(format!("{} is read, but not written", format.name))
             .in_file(input)
-            .remedy("name a --format to write"));
+            .remedy("name a ‹format› to write"));
     }
     if job.format.is_some() {
         output.set_extension(format.extensions[0]);

@@ -40,6 +40,13 @@ pub struct Length {
     pub unit: Option<f64>,
 }
 
+impl From<f64> for Length {
+    /// In units of the data.
+    fn from(value: f64) -> Self {
+        Self { value, unit: None }
+    }
+}
+
 impl Goal {
     /// Fails when the method cannot be held to it.
     pub(super) fn check(&self, method: &Method) -> Result<()> {
@@ -47,11 +54,11 @@ impl Goal {
         match (self, method.bounds) {
             (Self::Tolerance(_), Bounds::Area(_)) => {
                 Err(Error::usage(format!("{} bounds no distance", method.name))
-                    .remedy("pass --area or --keep-ratio, or choose another --method"))
+                    .remedy("pass ‹area› or ‹keep_ratio›, or choose another ‹method›"))
             }
             (Self::Area(_), Bounds::Distance) => {
                 Err(Error::usage(format!("{} goes by distance, not by area", method.name))
-                    .remedy("pass --tolerance, or --method visvalingam"))
+                    .remedy("pass ‹tolerance›, or ‹method› visvalingam"))
             }
             (Self::Tolerance(_), Bounds::Distance) | (Self::Area(_), Bounds::Area(_)) => Ok(()),
             (Self::Ratio(_) | Self::Count(_) | Self::Size(_), _) => Ok(()),
@@ -97,15 +104,15 @@ pub(crate) fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(Mea
     }
     match crs.horizontal_unit() {
         "degree" if is_space => Err(Error::unsupported("heights beside longitudes in degrees")
-            .remedy("leave out --metric 3d, or bring the data into a projected system")),
+            .remedy("leave out ‹metric› 3d, or bring the data into a projected system")),
         "degree" if !crs.spheroid()?.is_none_or(|own| own.is_of_earth()) => {
             let what =
                 "lengths in metres over longitudes and latitudes of another body than the Earth";
-            Err(Error::unsupported(what).remedy("pass --tolerance as a plain number, in degrees"))
+            Err(Error::unsupported(what).remedy("pass ‹tolerance› as a plain number, in degrees"))
         }
         "degree" => Ok((Measure::Geographic, length.value * metres)),
         _ => Err(Error::usage("the data name no unit that metres could be told in")
-            .remedy("pass --tolerance as a plain number, in units of the data")),
+            .remedy("pass ‹tolerance› as a plain number, in units of the data")),
     }
 }
 

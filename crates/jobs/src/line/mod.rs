@@ -179,14 +179,14 @@ fn check_hierarchy(job: &LineJob) -> Result<()> {
     }
     if job.topology.is_some() {
         return Err(Error::usage("a hierarchy is of each feature by itself, without neighbours")
-            .remedy("leave --hierarchy out, or --topology"));
+            .remedy("leave ‹hierarchy› out, or ‹topology›"));
     }
     if job.method.splits {
         return Ok(());
     }
     let (rdp, other) = (Method::RDP.name, job.method.name);
     Err(Error::usage(format!("a hierarchy is of {rdp}, and the method is {other}"))
-        .remedy(format!("leave --hierarchy out, or pass --method {rdp}")))
+        .remedy(format!("leave ‹hierarchy› out, or pass ‹method› {rdp}")))
 }
 
 /// Fails where what is judged would not be what is written.
@@ -196,7 +196,7 @@ fn check_transform(job: &LineJob) -> Result<()> {
         true => Err(Error::usage(
             "positions of the system to write in are rounded after it was looked at what crosses",
         )
-        .remedy("leave --decimals out, or --to-crs, or --topology")),
+        .remedy("leave ‹decimals› out, or ‹to_crs›, or ‹topology›")),
         false => Ok(()),
     }
 }

@@ -45,12 +45,12 @@ pub(super) fn check(part: &Part<'_>, rule: &Rule) -> Result<()> {
     match rule.measure {
         _ if rule.keeps_everything() => return Ok(()),
         Measure::Space if part.z.is_empty() || part.z.iter().any(|z| z.is_nan()) => {
-            return Err(Error::bad_input("a vertex has no height, which --metric 3d measures")
-                .remedy("leave --metric 3d out"));
+            return Err(Error::bad_input("a vertex has no height, which ‹metric› 3d measures")
+                .remedy("leave ‹metric› 3d out"));
         }
         Measure::Geographic if part.xy.iter().any(|[_, y]| y.abs() > 90.0) => {
             return Err(Error::bad_input("a latitude is beyond 90 degrees")
-                .remedy("pass --tolerance as a plain number, in units of the data"));
+                .remedy("pass ‹tolerance› as a plain number, in units of the data"));
         }
         _ => {}
     }
@@ -61,7 +61,7 @@ pub(super) fn check(part: &Part<'_>, rule: &Rule) -> Result<()> {
     let Some(wrong) = all.find(is_wrong) else { return Ok(()) };
     let (extreme, remedy) = match wrong.abs() > MOST {
         true => ("large", "bring it into other units, or take the feature out"),
-        false => ("small", "pass --tolerance 1e-50 or more, or write 0 in its place"),
+        false => ("small", "pass ‹tolerance› 1e-50 or more, or write 0 in its place"),
     };
     let message = format!("coordinate {wrong:?} is too {extreme} for distances to be computed");
     Err(Error::bad_input(message).remedy(remedy))

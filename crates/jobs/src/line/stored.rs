@@ -115,7 +115,7 @@ pub(super) fn trees(order: Order, geometry: &Geometry, rule: &Rule) -> Result<Op
             if *own != digest(geometry, rule.measure).bytes()[..] {
                 return Err(Error::bad_input("the stored hierarchy is of other coordinates")
                     .remedy(
-                        "delete the file of --hierarchy to have it made again, or name another",
+                        "delete the file of ‹hierarchy› to have it made again, or name another",
                     ));
             }
             Trees::from_bytes(trees).map(Some)
@@ -201,7 +201,7 @@ fn features(header: &[u8], length: u64, measure: Measure) -> Result<u64> {
     }
     if *found != measure {
         let message = format!("holds {}, and these would be {}", told_of(*found), told_of(measure));
-        return Err(Error::usage(message).remedy("name another --hierarchy"));
+        return Err(Error::usage(message).remedy("name another ‹hierarchy›"));
     }
     Ok(eight(16))
 }
@@ -217,12 +217,12 @@ fn told_of(measure: Measure) -> &'static str {
 
 fn damaged(why: &str) -> Error {
     Error::bad_input(format!("is not a file of hierarchies: {why}"))
-        .remedy("delete it to have it made again, or name another --hierarchy")
+        .remedy("delete it to have it made again, or name another ‹hierarchy›")
 }
 
 fn others(what: &str) -> Error {
     Error::bad_input(format!("{what}: it is the hierarchy of other lines"))
-        .remedy("delete it to have it made again, or name another --hierarchy")
+        .remedy("delete it to have it made again, or name another ‹hierarchy›")
 }
 
 struct Writer {

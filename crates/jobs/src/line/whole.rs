@@ -98,7 +98,7 @@ impl Whole<'_> {
         let enough = input.bytes * ALONE + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
         let message = format!("the threshold is looked for in memory, which takes {mib} MiB");
-        let error = short(message, enough).or("pass --tolerance, or split the input");
+        let error = short(message, enough).or("pass ‹tolerance›, or split the input");
         error.in_file(&self.files.pairs[0].input)
     }
 

@@ -61,7 +61,7 @@ fn threads(points: u64, resources: &Resources) -> Result<usize> {
         let enough = need + WORKER + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
         let message = format!("a page of {points} points takes {mib} MiB of memory");
-        return Err(short(message, enough).or("show fewer with --points"));
+        return Err(short(message, enough).or("show fewer with ‹points›"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
 }
@@ -209,9 +209,9 @@ mod tests {
         assert!((1..4).contains(&few), "{few}");
         let error = threads(MOST_POINTS, 1_000).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
-        assert!(error.to_string().contains("--points"), "{error}");
+        assert!(error.to_string().contains("‹points›"), "{error}");
         let told = error.to_string();
-        let enough = told.split("--memory ").nth(1).unwrap().split('M').next().unwrap();
+        let enough = told.split("‹memory› ").nth(1).unwrap().split('M').next().unwrap();
         assert_eq!(threads(MOST_POINTS, enough.parse().unwrap()).unwrap(), 1);
     }
 

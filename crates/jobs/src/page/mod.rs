@@ -25,7 +25,7 @@ use serde::Serialize;
 use crate::figures::Figures;
 use crate::input::{self, Surface};
 use crate::memory::{beside_program, cache_beside, short};
-use crate::reading::Reading;
+use crate::options::GridInput;
 use crate::{Cancel, Progress, Resources};
 pub use cloud::{MOST_POINTS, USUAL_POINTS};
 pub use insertion::MOST_SIDE;
@@ -75,7 +75,7 @@ pub struct PageJob {
     /// Grid files, a mesh, lines or clouds, or synthetic ones by name.
     pub input: Inputs,
     /// What is read of a grid.
-    pub reading: Reading,
+    pub reading: GridInput,
     /// What is shown of it.
     pub show: Show,
     /// HTML file to write.
@@ -184,8 +184,8 @@ fn surface(
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     match (input::open(job.input.names(), &options)?, against) {
         (Surface::Grid(_), Some(_)) => {
-            Err(Error::usage("--against is for a mesh, and this is a grid")
-                .remedy("leave --against out, or make a mesh of the grid with `terrane tin`"))
+            Err(Error::usage("‹against› is for a mesh, and this is a grid")
+                .remedy("leave ‹against› out, or make a mesh of the grid with `terrane tin`"))
         }
         (Surface::Grid(grid), None) => lattice::page(grid.as_ref(), job, progress, cancel),
         (Surface::Mesh(mesh), _) => surface::page(mesh.as_ref(), against, job, progress, cancel),
@@ -227,7 +227,7 @@ mod tests {
     pub(super) fn job(show: Show, memory: u64) -> PageJob {
         PageJob {
             input: "synth:rough,size=65".into(),
-            reading: Reading::default(),
+            reading: GridInput::default(),
             show,
             output: "page.html".into(),
             overwrite: false,

@@ -70,7 +70,7 @@ fn check_size(info: &MeshInfo, job: &PageJob) -> Result<()> {
             info.triangles.max(vertices / 3)
         );
         return Err(Error::new(ErrorKind::Limit, message)
-            .remedy("make a coarser mesh with a larger --max-error, or draw a picture with -o"));
+            .remedy("make a coarser mesh with a larger ‹max_error›, or draw a picture with -o"));
     }
     // Vertices without an identity are found again by their positions.
     let vertex = VERTEX_BYTES + if info.indexed { 0 } else { 64 };
@@ -207,7 +207,7 @@ mod tests {
         assert!(error.to_string().contains("10485760 triangles"), "{error}");
         let error = check(5_000_000, 10_000_000).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
-        assert!(error.to_string().contains("--memory"), "{error}");
+        assert!(error.to_string().contains("‹memory›"), "{error}");
     }
 
     #[test]

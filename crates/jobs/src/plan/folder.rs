@@ -94,7 +94,7 @@ impl<W: Work> Folder<W> {
             Err(TryLockError::WouldBlock) => {
                 Err(Error::new(ErrorKind::NotYet, "others are at work in this folder")
                     .in_file(&self.path)
-                    .remedy("try again when they are done, or do single tasks (--task)"))
+                    .remedy("try again when they are done, or do single tasks (‹task›)"))
             }
             _ => Ok(Some(file)),
         }
@@ -123,7 +123,7 @@ impl<W: Work> Folder<W> {
     fn not_done(&self, task: W::Task) -> Error {
         Error::new(ErrorKind::NotYet, format!("{task} is not done"))
             .in_file(&self.path)
-            .remedy(format!("run it first: --task {task}"))
+            .remedy(format!("run it first: ‹task› {task}"))
     }
 }
 

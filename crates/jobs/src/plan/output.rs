@@ -115,7 +115,7 @@ impl Output {
             State::Altered(how) if !overwrite => {
                 return Err(Error::usage(format!("was altered since this plan wrote it: {how}"))
                     .in_file(&self.path)
-                    .remedy("pass --overwrite to have it made anew, or choose another name"));
+                    .remedy("pass ‹overwrite› to have it made anew, or choose another name"));
             }
             state => overwrite || matches!(state, State::Begun),
         };

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::{Plan, Work, refuse_another, with_companions};
-use crate::reading::Reading;
+use crate::options::GridInput;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_files::{is_made, name_of, path_of};
@@ -59,7 +59,7 @@ impl PlannedGrid {
 /// The files that a grid is read from: those behind its input, and what is read with them.
 pub(crate) fn grid_files(
     input: &Inputs,
-    reading: &Reading,
+    reading: &GridInput,
     source: &dyn GridSource,
 ) -> Vec<PathBuf> {
     let is_file = |name: &&String| !is_made(name);

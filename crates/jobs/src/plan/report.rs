@@ -184,7 +184,7 @@ impl DiskCheck {
             false => disk::check(folder, objects).and_then(|()| disk::check(beside, written)),
         };
         checked.map_err(|error| {
-            error.remedy("free some space, choose another folder, or pass --no-disk-check")
+            error.remedy("free some space, choose another folder, or pass ‹no_disk_check›")
         })
     }
 }

@@ -161,7 +161,7 @@ impl GroundModel {
         };
         if cloud::source(&self.input, &self.cloud)?.info().crs.is_unknown() {
             let error = Error::bad_input("does not say where on the globe it lies");
-            return Err(of_cloud(error.remedy("name its reference system: --crs EPSG:2154")));
+            return Err(of_cloud(error.remedy("name its reference system: ‹crs› EPSG:2154")));
         }
         let model = GridJob::of_preset(self.input.clone(), PathBuf::new(), Preset::Dtm, 1.0);
         let model = GridJob {

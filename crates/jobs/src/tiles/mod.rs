@@ -38,8 +38,8 @@ use serde::{Deserialize, Serialize};
 use crate::beside;
 use crate::figures::Figures;
 use crate::memory::{self, Shares};
+use crate::options::GridInput;
 use crate::plan::{self, At, DiskCheck, Kind, Plan};
-use crate::reading::Reading;
 use crate::sift::Skipped;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
@@ -71,7 +71,7 @@ pub struct TilesJob {
     pub input: Inputs,
     /// What is read of it.
     #[serde(flatten)]
-    pub reading: Reading,
+    pub reading: GridInput,
     /// Folder to make.
     #[serde(skip)]
     pub output: PathBuf,
@@ -113,7 +113,7 @@ impl TilesJob {
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>) -> Self {
         Self {
             input: input.into(),
-            reading: Reading::default(),
+            reading: GridInput::default(),
             output: output.into(),
             overwrite: false,
             geoid: None,
@@ -300,7 +300,7 @@ impl Opened {
     fn seen(&self, gathered: Gathered) -> Result<Overview> {
         let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
         let overview = gathered.finish().ok_or_else(|| {
-            let remedy = "check its nodata value, or choose another --band";
+            let remedy = "check its nodata value, or choose another ‹band›";
             refuse(Error::bad_input("the grid has no valid sample"), remedy)
         })?;
         let [lowest, highest] = overview.range;
@@ -308,7 +308,7 @@ impl Opened {
         if furthest.abs() > MOST_HEIGHT {
             // As the sample is held, so that the digits are those of the file.
             let stored = (furthest / self.heights.lift.metres) as f32;
-            let remedy = format!("if it stands for nodata, pass --nodata {stored:e}");
+            let remedy = format!("if it stands for nodata, pass ‹nodata› {stored:e}");
             let error = Error::bad_input(format!("the height {stored:e} is absurd"));
             return Err(refuse(error, &remedy));
         }
@@ -401,26 +401,26 @@ fn check_formats(job: &TilesJob) -> Result<()> {
             .remedy("name each format once"));
     }
     let options = [
-        (job.tile_edges, "edges of tiles belong", "--tile-edges"),
-        (job.meshopt, "compressed meshes belong", "--meshopt"),
+        (job.tile_edges, "edges of tiles belong", "‹tile_edges›"),
+        (job.meshopt, "compressed meshes belong", "‹meshopt›"),
         (
             job.skirts,
             "clients of quantized-mesh hang skirts of their own from the sides that tiles list: those of tiles belong",
-            "--skirts",
+            "‹skirts›",
         ),
     ];
     let is_of_others = !job.formats.contains(&Format::ThreeTiles);
     if let Some((_, what, option)) = options.iter().find(|(is, ..)| *is && is_of_others) {
         return Err(Error::usage(format!("{what} to 3D Tiles"))
-            .remedy(format!("pass --format 3dtiles, or leave out {option}")));
+            .remedy(format!("pass ‹format› 3dtiles, or leave out {option}")));
     }
     if job.water_mask && !job.formats.contains(&Format::QuantizedMesh) {
         return Err(Error::usage("masks of water belong to quantized-mesh: 3D Tiles have none")
-            .remedy("pass --format quantized-mesh, or leave out --water-mask"));
+            .remedy("pass ‹format› quantized-mesh, or leave out ‹water_mask›"));
     }
     if job.water_mask && job.reading.water.is_none() {
         return Err(Error::usage("a mask of water needs to be told what is water")
-            .remedy("pass --water FILE, or leave out --water-mask"));
+            .remedy("pass ‹water› FILE, or leave out ‹water_mask›"));
     }
     Ok(())
 }

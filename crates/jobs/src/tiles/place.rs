@@ -79,7 +79,7 @@ pub(super) fn of(
         (false, true) => None,
         (false, false) => Some(
             "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
-             height of the geoid, up to 100 m: pass --geoid"
+             height of the geoid, up to 100 m: pass ‹geoid›"
                 .to_owned(),
         ),
     });

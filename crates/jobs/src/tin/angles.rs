@@ -22,7 +22,7 @@ pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<A
     let most = (most * 1000.0).floor() / 1000.0;
     let message = format!("{degrees} degrees is no smallest angle for this grid");
     Err(Error::usage(message).remedy(format!(
-        "pass --min-angle {most} or less: beyond, as its cells are, nearly every sample is needed"
+        "pass ‹min_angle› {most} or less: beyond, as its cells are, nearly every sample is needed"
     )))
 }
 
@@ -61,7 +61,7 @@ mod tests {
             let least = angle_bound(Some(most - 1e-9), &map).unwrap().unwrap();
             assert_eq!(least.degrees(), most - 1e-9);
             let error = angle_bound(Some(most + 1e-9), &map).unwrap_err().to_string();
-            let told = error.split("--min-angle ").nth(1).unwrap();
+            let told = error.split("‹min_angle› ").nth(1).unwrap();
             let told: f64 = told.split(' ').next().unwrap().parse().unwrap();
             assert!(told <= most && told > most - 0.0011, "{error}");
             assert!(angle_bound(Some(told), &map).is_ok());

@@ -229,7 +229,7 @@ impl Values<'_> {
                 "{} stores heights as 32-bit floats, which {height} is not, placed so",
                 maker.opened.format.name
             ))
-            .remedy("write PLY, or leave out --band, or --size, --scale and --exaggeration")),
+            .remedy("write PLY, or leave out ‹band›, or ‹size›, ‹scale› and ‹exaggeration›")),
         }
     }
 

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::layout::USUAL_TILE;
 use super::refinement::Refinement;
 use crate::Resources;
+use crate::options::GridInput;
 use crate::placing::Placing;
-use crate::reading::Reading;
 use crate::transform::Transform;
 use terrane_base::error::{Error, Result};
 use terrane_raster::Inputs;
@@ -49,7 +49,7 @@ pub struct TinJob {
     pub input: Inputs,
     /// What is read of it.
     #[serde(flatten)]
-    pub reading: Reading,
+    pub reading: GridInput,
     /// Mesh file to write.
     #[serde(skip)]
     pub output: PathBuf,
@@ -91,7 +91,7 @@ impl TinJob {
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: Goal) -> Self {
         Self {
             input: input.into(),
-            reading: Reading::default(),
+            reading: GridInput::default(),
             output: output.into(),
             format: None,
             overwrite: false,

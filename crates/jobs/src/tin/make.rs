@@ -321,7 +321,7 @@ impl Maker<'_> {
             return Err(Error::usage(
                 "a mesh in many files keeps to the rows and columns of its grid",
             )
-            .remedy("leave --split out, or --to-crs"));
+            .remedy("leave ‹split› out, or ‹to_crs›"));
         }
         if job.split.is_some() {
             return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
@@ -537,8 +537,8 @@ impl Frame {
 /// What is told of a bottom that was found by the lowest height of this grid.
 fn bottom_note(height: f64) -> String {
     format!(
-        "--base counts from the lowest height of each print, so the bottom is at {height} here; for prints that meet, \
-         pass one height below all of them to each, with --co SOLID_BASE=HEIGHT in place of --base"
+        "‹base› counts from the lowest height of each print, so the bottom is at {height} here; for prints that meet, \
+         pass one height below all of them to each, with ‹co› SOLID_BASE=HEIGHT in place of ‹base›"
     )
 }
 

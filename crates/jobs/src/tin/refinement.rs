@@ -65,7 +65,7 @@ impl Refinement {
         if self.data_dependent && !self.drop {
             let message = "which triangles are not Delaunay is found by dropping vertices";
             return Err(Error::usage(message)
-                .remedy("leave one of --triangulation data-dependent and --no-drop out"));
+                .remedy("leave one of ‹triangulation› data-dependent and ‹no_drop› out"));
         }
         Ok(Spec {
             tolerance: 0.0,
@@ -93,15 +93,15 @@ impl Refinement {
         if self.breaklines.is_some() && self.min_angle.is_some() {
             let message = "breaklines may meet under any angle, so there is no smallest one";
             return Err(Error::usage(message)
-                .remedy("leave one of --breaklines and --min-angle out, or pass --keep-points"));
+                .remedy("leave one of ‹breaklines› and ‹min_angle› out, or pass ‹keep_points›"));
         }
         if water.is_some() && self.min_angle.is_some() {
             let message = "banks of water may meet under any angle, so there is no smallest one";
-            return Err(Error::usage(message).remedy("leave one of --water and --min-angle out"));
+            return Err(Error::usage(message).remedy("leave one of ‹water› and ‹min_angle› out"));
         }
         if water.is_some() && self.fit {
             let message = "vertices above or below their samples would not leave water level";
-            return Err(Error::usage(message).remedy("leave one of --water and --fit out"));
+            return Err(Error::usage(message).remedy("leave one of ‹water› and ‹fit› out"));
         }
         let [points, lines] = self.files();
         Features::read(points, lines, water, resources)

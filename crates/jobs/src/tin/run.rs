@@ -280,7 +280,7 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
 fn check_surface(valid: u64, totals: Totals) -> Result<()> {
     if valid == 0 {
         return Err(Error::bad_input("the grid has no valid sample")
-            .remedy("check its nodata value, or choose another --band"));
+            .remedy("check its nodata value, or choose another ‹band›"));
     }
     if totals.triangles == 0 {
         return Err(Error::bad_input("the grid has no cell with four valid samples")

@@ -56,7 +56,7 @@ pub fn run_by(
     let whole = Whole {
         what: by.method.name.to_owned(),
         sample_bytes: by.method.sample_bytes,
-        otherwise: "leave --method out".to_owned(),
+        otherwise: "leave ‹method› out".to_owned(),
     };
     let mut opened = Opened::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
     opened.carried.comments.extend(other_triangles(by).map(triangulation));
@@ -92,7 +92,7 @@ pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
         Some(_) => {
             let message = format!("the method {what} follows no banks of water");
             Err(Error::usage(message).remedy(
-                "leave --water or the method out, or flatten the grid first: terrane convert --water",
+                "leave ‹water› or the method out, or flatten the grid first: terrane convert ‹water›",
             ))
         }
     }

@@ -76,7 +76,7 @@ impl Window {
         let (row, col) = (row + rect.row as usize, col + rect.col as usize);
         let height = samples[index];
         Err(Error::bad_input(format!("the height {height:e} at column {col}, row {row} is absurd"))
-            .remedy(format!("if it stands for nodata, pass --nodata {height:e}")))
+            .remedy(format!("if it stands for nodata, pass ‹nodata› {height:e}")))
     }
 
     /// How many samples of `part` of the last rectangle have the lowest height of all, if that looks
@@ -125,7 +125,7 @@ fn too_coarse(rounding: f64, tolerance: f64) -> Error {
         "the output format stores heights as 32-bit floats, which moves some by {rounding:e}, more \
          than the tolerance of {tolerance:e}"
     ))
-    .remedy("write PLY or OBJ, or raise --max-error")
+    .remedy("write PLY or OBJ, or raise ‹max_error›")
 }
 
 #[cfg(test)]
@@ -190,6 +190,6 @@ mod tests {
         let error = window.refuse_extremes(Rect::new(10, 20, 3, 2)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         let text = error.to_string();
-        assert!(text.contains("column 11, row 21") && text.contains("--nodata -3.4028235e38"));
+        assert!(text.contains("column 11, row 21") && text.contains("‹nodata› -3.4028235e38"));
     }
 }

@@ -581,7 +581,7 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
 /// What is left over of the bound between samples at the end: never seen.
 fn unbounded() -> Error {
     Error::new(ErrorKind::Internal, "the surface cannot be kept within the tolerance at a corner")
-        .remedy("choose another --tile, and please report this with the input")
+        .remedy("choose another ‹tile›, and please report this with the input")
 }
 
 fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {

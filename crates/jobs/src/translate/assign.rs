@@ -33,7 +33,7 @@ impl FromStr for Assign {
             text.split_once('=').ok_or("expected the name of an attribute, =, and a formula")?;
         let name = name.trim().trim_matches('"').to_owned();
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
-            return Err(format!("{name} is a coordinate and no attribute: --to-crs moves points"));
+            return Err(format!("{name} is a coordinate and no attribute: ‹to_crs› moves points"));
         }
         Ok(Self { text: text.to_owned(), name, formula: Formula::number(formula)? })
     }
@@ -125,7 +125,7 @@ pub(super) fn column(name: &str, format: PointFormat, columns: &[Column]) -> Res
         let number = format.number();
         let names: Vec<&str> = columns.iter().map(Column::name).collect();
         Error::usage(format!("the points, of format {number}, have no attribute {name:?}"))
-            .remedy(format!("they have {}; --point-format takes others", names.join(", ")))
+            .remedy(format!("they have {}; ‹point_format› takes others", names.join(", ")))
     })
 }
 
@@ -143,7 +143,7 @@ impl Assigned<'_> {
     fn failure(&self, unit: usize, record: &[u8], what: &str) -> Error {
         let [x, y, z] = self.assigning.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
-        let error = error.remedy("change --attribute, or leave such points out with --where");
+        let error = error.remedy("change ‹attribute›, or leave such points out with ‹where›");
         match self.cloud.file_of(unit).and_then(|number| self.cloud.files().get(number)) {
             Some(name) => error.in_file(&path_of(name)),
             None => error,

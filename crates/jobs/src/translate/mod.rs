@@ -276,7 +276,7 @@ impl TranslateJob {
         }
         match self.sort {
             Some(_) if packing == Packing::Nodes => {
-                Err(Error::usage("--sort cannot act: an octree has an order of its own")
+                Err(Error::usage("‹sort› cannot act: an octree has an order of its own")
                     .remedy("leave it out, or choose a name that ends in .laz only"))
             }
             Some(by) => sorted::check(by, format),
@@ -307,7 +307,7 @@ impl TranslateJob {
         let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
         if self.above.heights == Some(HeightsAs::Z) && !operation.keeps_heights() {
             return Err(Error::usage("heights above the ground do not change with the system")
-                .remedy("leave --geoid out, or put them into a dimension"));
+                .remedy("leave ‹geoid› out, or put them into a dimension"));
         }
         Move::new(info, operation).map(Some)
     }

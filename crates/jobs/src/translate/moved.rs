@@ -141,7 +141,7 @@ impl MovedRecords<'_> {
                 "a point is at {world:?} in {}, far from those beside it",
                 info.crs.label()
             ))
-            .remedy("leave it out with --bounds")),
+            .remedy("leave it out with ‹bounds›")),
         }
     }
 }

@@ -41,7 +41,7 @@ impl FlightLines {
             return Err(Error::usage(format!(
                 "cells of {side} are smaller than a step of the points"
             ))
-            .remedy("choose larger ones with --drop-overlap=CELL"));
+            .remedy("choose larger ones with ‹drop_overlap›=CELL"));
         }
         Ok(Self { lattice: Lattice::new(frame, [0.0; 2], [side; 2], Edges::default()), format })
     }

@@ -52,7 +52,7 @@ impl Values {
         let name = split.attribute.trim().trim_matches('"');
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
             return Err(Error::usage(format!("{name} is a coordinate, not an attribute"))
-                .remedy("divide points by place with --tile SIDE"));
+                .remedy("divide points by place with ‹tile› SIDE"));
         }
         let column = column(name, format, columns)?;
         Ok(Self { ruler: column.ruler(), column })
@@ -129,14 +129,14 @@ impl Values {
     fn too_large(&self) -> Error {
         let name = self.column.name();
         Error::unsupported(format!(
-            "--split: {name} has whole numbers beyond 2^53, where doubles skip some"
+            "‹split›: {name} has whole numbers beyond 2^53, where doubles skip some"
         ))
         .remedy("split by an attribute of smaller numbers, such as point_source_id")
     }
 
     fn too_many(&self) -> Error {
         let name = self.column.name();
-        Error::usage(format!("--split: {name} has more than {MOST_FILES} values, each a file"))
+        Error::usage(format!("‹split›: {name} has more than {MOST_FILES} values, each a file"))
             .remedy("split by an attribute of fewer values, such as point_source_id")
     }
 }

@@ -123,7 +123,7 @@ impl Proof<'_> {
             });
             add(report, &found, proof);
         }
-        whole.ok_or_else(|| Error::usage("no band to prove").remedy("name one with --bands"))
+        whole.ok_or_else(|| Error::usage("no band to prove").remedy("name one with ‹bands›"))
     }
 
     fn surface(
@@ -164,7 +164,7 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
         worst.map_or((None, None), |(error, proof)| (Some(error), proof.max_error_at));
     let mut not_judged = Vec::new();
     not_judged.extend(tolerance.is_none().then(|| super::NO_BOUND.to_owned()));
-    not_judged.extend((!heights_known).then(|| "its heights (--band)".to_owned()));
+    not_judged.extend((!heights_known).then(|| "its heights (‹band›)".to_owned()));
     let verdict = Verdict::of(report.verdict.failures.clone(), not_judged);
     let of = super::OfGrid { surface_error: None, surface_error_at: None, breaks: 0, ..report.of };
     VerifyReport {
@@ -191,7 +191,7 @@ fn heights(stated: &Statements<'_>, asked: &AskedBands) -> Result<Heights> {
         ("none", _) => Ok(Heights::None),
         (_, Some(band)) => Ok(Heights::Band(band)),
         _ => Err(Error::bad_input(format!("states \"{HEIGHTS} {text}\", which is not known"))
-            .remedy("say what heights are of with --band")),
+            .remedy("say what heights are of with ‹band›")),
     }
 }
 
@@ -200,7 +200,7 @@ fn bands((info, stated): (&MeshInfo, &Statements<'_>), asked: &AskedBands) -> Re
     let label = label(&asked.bands);
     if let Some(text) = stated.text(BANDS).filter(|text| *text != label) {
         let message = format!("the mesh states that it was made of bands {text}, not {label}");
-        return Err(Error::usage(message).remedy(format!("pass --bands {text}")));
+        return Err(Error::usage(message).remedy(format!("pass ‹bands› {text}")));
     }
     let weights = match (asked.weights.is_empty(), stated.text(WEIGHTS)) {
         (true, Some(text)) => {
@@ -208,7 +208,7 @@ fn bands((info, stated): (&MeshInfo, &Statements<'_>), asked: &AskedBands) -> Re
             let weights: Option<Vec<f64>> = weights;
             weights.ok_or_else(|| {
                 Error::bad_input(format!("states \"{WEIGHTS} {text}\", which are no weights"))
-                    .remedy("give them with --weights")
+                    .remedy("give them with ‹weights›")
             })?
         }
         _ => asked.weights.clone(),
@@ -225,12 +225,12 @@ fn bands((info, stated): (&MeshInfo, &Statements<'_>), asked: &AskedBands) -> Re
         names => format!("the channels {}", names.join(", ")),
     };
     Err(Error::usage(format!("the mesh has {has}, which are not bands {label}"))
-        .remedy("leave --bands out, or name the bands that it was made of"))
+        .remedy("leave ‹bands› out, or name the bands that it was made of"))
 }
 
 /// What is told of a mesh that states bands, where none were named: it is judged without them.
 pub(super) fn not_judged(label: &str) -> String {
-    format!("how its channels keep to bands {label} (--bands)")
+    format!("how its channels keep to bands {label} (‹bands›)")
 }
 
 /// True when a mesh states that it has no heights.
@@ -241,16 +241,16 @@ pub(super) fn is_flat(stated: &Statements<'_>) -> bool {
 /// A promise that is not about bands and that this mesh was not asked for.
 pub(super) fn check_other(job: &VerifyJob) -> Result<()> {
     let others = [
-        ("--bound surface", job.bound == Some(Bound::Surface)),
-        ("--keep-points", job.keep_points.is_some()),
-        ("--breaklines", job.breaklines.is_some()),
-        ("--water", job.reading.water.is_some()),
+        ("‹bound› surface", job.bound == Some(Bound::Surface)),
+        ("‹keep_points›", job.keep_points.is_some()),
+        ("‹breaklines›", job.breaklines.is_some()),
+        ("‹water›", job.reading.water.is_some()),
     ];
     match others.into_iter().find(|(_, given)| *given) {
         None => Ok(()),
         Some((option, _)) => Err(Error::usage(format!("{option} is for meshes of one band"))
             .in_file(&job.mesh)
-            .remedy(format!("leave out {option}, or --bands"))),
+            .remedy(format!("leave out {option}, or ‹bands›"))),
     }
 }
 

@@ -211,7 +211,7 @@ fn told(
     let failures = [findings.failures(), failures(found, job.topology)].concat();
     let mut not_judged = findings.not_judged(format);
     if tolerance.is_none() {
-        not_judged.insert(0, "distances, as no bound is known (--tolerance)".to_owned());
+        not_judged.insert(0, "distances, as no bound is known (‹tolerance›)".to_owned());
     } else if found.unknown > 0 {
         let count = found.unknown;
         not_judged
@@ -329,7 +329,7 @@ fn crowded(job: &LineVerifyJob) -> Error {
         "more lines cross one line from south to north than memory holds",
     )
     .in_file(&job.original)
-    .remedy("pass more --memory")
+    .remedy("pass more ‹memory›")
 }
 
 /// Lines of each broken promise.

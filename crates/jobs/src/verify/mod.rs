@@ -32,7 +32,7 @@ use crate::bands::Joined;
 use crate::figures::Figures;
 use crate::kept::{Features, Kept};
 use crate::memory::{PROGRAM, beside_program, cache_beside, short};
-use crate::reading::Reading;
+use crate::options::GridInput;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -63,7 +63,7 @@ pub struct VerifyJob {
     /// File names, or a synthetic terrain by name.
     pub raster: Inputs,
     /// What is read of it.
-    pub reading: Reading,
+    pub reading: GridInput,
     /// Largest allowed vertical distance; what the mesh's comments say when `None`.
     pub tolerance: Option<f64>,
     /// What the tolerance is of; what the mesh's comments say when `None`, samples where they say nothing.
@@ -108,7 +108,7 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
 fn check_system(stated: &Statements<'_>) -> Result<()> {
     let Some(from) = stated.text(TRANSFORMED) else { return Ok(()) };
     let message = format!("was transformed from {from}, where its vertices are samples");
-    Err(Error::unsupported(message).remedy("verify the mesh as it is made without --to-crs"))
+    Err(Error::unsupported(message).remedy("verify the mesh as it is made without ‹to_crs›"))
 }
 
 /// What is wrong with the mesh names it.
@@ -142,7 +142,7 @@ fn heights(
         Some(label) if tolerance.is_some() => {
             return Err(Error::usage("the mesh has no heights that could be so far off")
                 .in_file(&job.mesh)
-                .remedy(format!("pass --bands {label}")));
+                .remedy(format!("pass ‹bands› {label}")));
         }
         Some(_) => Joined::of(grid).flat(),
     };
@@ -169,21 +169,21 @@ fn tell_of_files(stated: &Statements<'_>, job: &VerifyJob, verdict: &mut Verdict
     if let Some(label) = stated.text(BANDS).filter(|_| job.bands.is_none()) {
         tell(
             format!(
-                "the mesh states that it was made of bands {label}, and voids of all: pass --bands {label}"
+                "the mesh states that it was made of bands {label}, and voids of all: pass ‹bands› {label}"
             ),
             bands::not_judged(label),
         );
     }
     if let Some(clip) = stated.text(CLIP).filter(|_| job.reading.clip.is_none()) {
         tell(
-            format!("the mesh states that its grid was clipped to {clip}: pass it with --clip"),
-            format!("whether it ends where the polygons of {clip} do (--clip)"),
+            format!("the mesh states that its grid was clipped to {clip}: pass it with ‹clip›"),
+            format!("whether it ends where the polygons of {clip} do (‹clip›)"),
         );
     }
     if let Some(file) = stated.text(WATER).filter(|_| job.reading.water.is_none()) {
         tell(
-            format!("the mesh states that the water of {file} is level: pass --water"),
-            format!("whether the water of {file} is level (--water)"),
+            format!("the mesh states that the water of {file} is level: pass ‹water›"),
+            format!("whether the water of {file} is level (‹water›)"),
         );
     }
     if job.bands.is_none() && stated.text(BANDS).is_none() {
@@ -198,10 +198,10 @@ fn tell_of_files(stated: &Statements<'_>, job: &VerifyJob, verdict: &mut Verdict
 /// Names points and lines of files that a mesh states and that were not given, as not judged.
 fn leave_files(stated: &Statements<'_>, [points, lines]: [bool; 2], verdict: &mut Verdict) {
     if let Some(file) = stated.text(KEPT).filter(|_| !points) {
-        verdict.leave(format!("whether it keeps the points of {file} (--keep-points)"));
+        verdict.leave(format!("whether it keeps the points of {file} (‹keep_points›)"));
     }
     if let Some(file) = stated.text(LINES).filter(|_| !lines) {
-        verdict.leave(format!("whether edges follow the lines of {file} (--breaklines)"));
+        verdict.leave(format!("whether edges follow the lines of {file} (‹breaklines›)"));
     }
 }
 
@@ -213,13 +213,13 @@ fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
         let message = "is a solid: it has walls and a bottom, which are no terrain to verify";
         return Err(Error::unsupported(message)
             .in_file(path)
-            .remedy("verify the mesh that is made without --base and --co SOLID_BASE"));
+            .remedy("verify the mesh that is made without ‹base› and ‹co› SOLID_BASE"));
     }
     Ok(mesh)
 }
 
 /// What a report says where no bound is known.
-const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
+const NO_BOUND: &str = "the error, as no bound is known (‹max_error›)";
 
 /// What a mesh is held to.
 #[derive(Clone, Copy, Debug)]
@@ -378,7 +378,7 @@ fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> 
     }
     if resources.memory < LEAST_MEMORY {
         let message = format!("{} bytes of memory are too few", resources.memory);
-        return Err(Error::new(ErrorKind::Resource, message).remedy("pass --memory 1M or more"));
+        return Err(Error::new(ErrorKind::Resource, message).remedy("pass ‹memory› 1M or more"));
     }
     Ok(())
 }

@@ -119,7 +119,7 @@ impl<'a> Statements<'a> {
         match word.parse() {
             Ok(tolerance) if (0.0..f64::INFINITY).contains(&tolerance) => Ok(Some(tolerance)),
             _ => Err(Error::bad_input(format!("states \"{TOLERANCE} {word}\", which is no bound"))
-                .remedy("give the bound with --max-error")),
+                .remedy("give the bound with ‹max_error›")),
         }
     }
 
@@ -135,7 +135,7 @@ impl<'a> Statements<'a> {
         match text.parse() {
             Ok(degrees) if (0.0..=60.0).contains(&degrees) => Ok(Some(degrees)),
             _ => Err(Error::bad_input(format!("states \"{ANGLE} {text}\", which is no angle"))
-                .remedy("give the smallest angle with --min-angle")),
+                .remedy("give the smallest angle with ‹min_angle›")),
         }
     }
 
@@ -145,7 +145,7 @@ impl<'a> Statements<'a> {
         let Some(text) = self.text(BOUND) else { return Ok(Bound::default()) };
         text.parse().map_err(|_| {
             Error::bad_input(format!("states \"{BOUND} {text}\", which is not known"))
-                .remedy("say what is to be proved with --bound")
+                .remedy("say what is to be proved with ‹bound›")
         })
     }
 

@@ -142,7 +142,7 @@ impl Sheet {
 mod tests {
     use super::*;
     use crate::Silent;
-    use crate::reading::Reading;
+    use crate::options::GridInput;
     use terrane_base::error::ErrorKind;
 
     /// Two triangles that make a square, `high` at a corner.
@@ -161,7 +161,7 @@ mod tests {
         };
         let each = ViewJob {
             input: "".into(),
-            reading: Reading::default(),
+            reading: GridInput::default(),
             output: folder.join("all.png"),
             overwrite: false,
             width: 60,

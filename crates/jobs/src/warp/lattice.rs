@@ -9,20 +9,26 @@ use std::path::Path;
 
 use super::way::Way;
 use crate::memory;
+use crate::options::{Bounds, CellSize, FileName};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
+use terrane_options::Options;
 use terrane_raster::{GridInfo, Inputs, OpenOptions};
 
-/// What is asked of the lattice of an output.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Wanted {
-    /// A grid whose lattice is to be that of the output.
-    pub like: Option<String>,
-    /// Width and height of a cell, in units of the output's system.
+/// The lattice of an output
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Lattice", setters = group)]
+pub struct LatticeOptions {
+    /// Side of a cell of the output, or its width and height, in units of its system; edges lie at multiples of it
+    #[option(value = "X[,Y]", with = CellSize, usual = "as large as in the middle of the input")]
     pub resolution: Option<[f64; 2]>,
-    /// The rectangle to cover, in the output's system: x low, y low, x high, y high.
+    /// Rectangle that the output covers, in its system
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds, usual = "all of the input")]
     pub extent: Option<[f64; 4]>,
+    /// Grid whose lattice the output is to have: sample on sample
+    #[option(value = "GRID", with = FileName, role = Reads)]
+    pub like: Option<String>,
 }
 
 /// Places of samples.
@@ -40,7 +46,12 @@ const HAIR: f64 = 1e-6;
 const MOST_PLACES: u32 = 1 << 14;
 
 /// The lattice in a system to which a way leads from the grid.
-pub(super) fn of(wanted: &Wanted, grid: &GridInfo, crs: &Crs, way: &Way) -> Result<Lattice> {
+pub(super) fn of(
+    wanted: &LatticeOptions,
+    grid: &GridInfo,
+    crs: &Crs,
+    way: &Way,
+) -> Result<Lattice> {
     let outline = Outline::of(grid, way);
     if let Some(like) = &wanted.like {
         let lattice = alike(like, crs)?;
@@ -90,7 +101,7 @@ pub(super) fn scale(lattice: &Lattice, grid: &GridInfo, way: &Way) -> Result<[f6
         Some(lattice.transform.invert(x, y))
     };
     let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
-        return Err(placeless().remedy("take a part of the grid (--bbox)"));
+        return Err(placeless().remedy("take a part of the grid (‹bbox›)"));
     };
     let whole = (a[0] * b[1] - a[1] * b[0]).abs();
     Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])
@@ -128,7 +139,7 @@ fn natural(grid: &GridInfo, way: &Way) -> Result<[f64; 2]> {
         .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
         .filter(|side| *side > 0.0 && side.is_finite());
     side.map(|side| [side; 2])
-        .ok_or_else(|| placeless().remedy("say how large cells are to be (--resolution)"))
+        .ok_or_else(|| placeless().remedy("say how large cells are to be (‹resolution›)"))
 }
 
 /// The rectangle around the cells of a grid in another system.
@@ -167,7 +178,7 @@ impl Outline {
     /// The rectangle, if all edges have a place.
     fn whole(self) -> Result<[f64; 4]> {
         self.lost.map_or(Ok(self.extent), |error| {
-            Err(error.remedy("say which part of that system is wanted (--extent, --like)"))
+            Err(error.remedy("say which part of that system is wanted (‹extent›, ‹like›)"))
         })
     }
 
@@ -205,7 +216,7 @@ fn alike(name: &str, crs: &Crs) -> Result<Lattice> {
         let message = format!("is in {theirs}, and the output would be in {ours}");
         return Err(Error::usage(message)
             .in_file(Path::new(name))
-            .remedy("name its system with --to-crs"));
+            .remedy("name its system with ‹to_crs›"));
     }
     Ok(Lattice { transform, width, height })
 }

@@ -17,66 +17,22 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::convert::{self, ConvertJob, ConvertReport, Front};
-use crate::transform::{Transform, Transformed, extent_of};
+use crate::transform::{Transformed, extent_of};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, Result};
-use terrane_base::registry;
 use terrane_crs::Operation;
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_resample::{RESAMPLINGS, Resampling, Scale};
+use terrane_resample::{Resampling, Scale};
 
-pub use lattice::Wanted;
+pub use lattice::LatticeOptions as Lattice;
 use source::Warped;
 use way::Way;
 
 /// A grid to be written on another lattice.
-#[derive(Clone, Debug)]
-pub struct WarpJob {
-    /// The grid, and the file to write.
-    pub copy: ConvertJob,
-    /// The system to write in; that of the grid when `None`.
-    pub transform: Option<Transform>,
-    /// Where samples of the output are.
-    pub wanted: Wanted,
+struct WarpJob<'a> {
+    copy: &'a ConvertJob,
     /// How heights are found between samples of the grid.
-    pub resampling: &'static Resampling,
-}
-
-impl WarpJob {
-    /// The job that is asked for instead of a copy, if one is.
-    ///
-    /// # Errors
-    /// Usage: another lattice without a way to find heights, or a way and no other lattice.
-    pub fn asked(
-        copy: &ConvertJob,
-        transform: Option<Transform>,
-        wanted: Wanted,
-        resampling: Option<&'static Resampling>,
-    ) -> Result<Option<Self>> {
-        let options = [
-            ("--to-crs", transform.is_some()),
-            ("--resolution", wanted.resolution.is_some()),
-            ("--extent", wanted.extent.is_some()),
-            ("--like", wanted.like.is_some()),
-        ];
-        let given = options.into_iter().find(|(_, given)| *given).map(|(option, _)| option);
-        match (given, resampling) {
-            (None, None) => Ok(None),
-            (Some(_), Some(resampling)) => {
-                Ok(Some(Self { copy: copy.clone(), transform, wanted, resampling }))
-            }
-            (Some(option), None) => {
-                let names = registry::offered(RESAMPLINGS, |own| own.name.to_owned());
-                let message =
-                    format!("{option} moves samples, and grids are never resampled unless asked");
-                Err(Error::usage(message).remedy(format!("say how with --resampling: {names}")))
-            }
-            (None, Some(_)) => {
-                Err(Error::usage("--resampling alone leaves every sample where it is")
-                    .remedy("add --to-crs, --resolution, --extent or --like, or leave it out"))
-            }
-        }
-    }
+    resampling: &'static Resampling,
 }
 
 /// Writes a grid on another lattice. Unless told otherwise, samples are of the grid's type where heights stay what they
@@ -87,9 +43,15 @@ impl WarpJob {
 /// far from the grid, or in another system; cells of the grid without a place in the system to write in, where it is
 /// not told which part of that is wanted; heights of which a geoid knows nothing; samples of the output that stand for
 /// too many of the grid.
-pub fn run(job: &WarpJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
+pub(crate) fn run(
+    copy: &ConvertJob,
+    resampling: &'static Resampling,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
+    let job = WarpJob { copy, resampling };
     let (mut about, nowhere) = (None, Arc::new(AtomicU64::new(0)));
-    let report = convert::run_of(&job.copy, source::WORKER_BYTES, progress, cancel, |inner| {
+    let report = convert::run_of(copy, source::WORKER_BYTES, progress, cancel, |inner| {
         inner.info().check_cells()?;
         let operation = job.operation(inner.info())?;
         let notes = operation.iter().flat_map(|own| own.notes().iter().cloned()).collect();
@@ -106,13 +68,14 @@ pub fn run(job: &WarpJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Co
     Ok(ConvertReport { transformed, resampling, scale, notes, ..report })
 }
 
-impl WarpJob {
+impl WarpJob<'_> {
     /// What leads to the system to write in.
     fn operation(&self, info: &GridInfo) -> Result<Option<Operation>> {
-        let Some(transform) = &self.transform else { return Ok(None) };
+        let options = &self.copy.options;
+        let Some(transform) = options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.copy.input.to_string(), Some(extent_of(info)));
         let source = (Path::new(&input), &info.crs);
-        transform.operation(source, extent, &self.copy.resources).map(Some)
+        transform.operation(source, extent, &options.resources).map(Some)
     }
 
     fn warped(
@@ -124,7 +87,7 @@ impl WarpJob {
         let own = inner.info();
         let crs = operation.as_ref().map_or(&own.crs, Operation::target).clone();
         let way = Way::new(operation);
-        let lattice = lattice::of(&self.wanted, own, &crs, &way)?;
+        let lattice = lattice::of(&self.copy.options.lattice, own, &crs, &way)?;
         let is_made = self.resampling.radius > 0 || !way.keeps_heights();
         let info = GridInfo {
             width: lattice.width,
@@ -151,7 +114,7 @@ impl WarpJob {
         let message =
             format!("{name} heights would be of {cols} x {rows} samples of the grid each");
         Err(Error::unsupported(message).remedy(
-            "ask for a finer --resolution, go there in two steps, or pass --resampling near",
+            "ask for a finer ‹resolution›, go there in two steps, or pass ‹resampling› near",
         ))
     }
 

@@ -258,7 +258,7 @@ fn what_cannot_be_clipped_to_is_refused_with_its_file() {
     assert!(told.contains("areas.wkt: no sample of the grid lies in a polygon"), "{told}");
     let (kind, told) = refusal(&square(1.0), [unnamed(), unnamed()], 100);
     assert_eq!(kind, ErrorKind::Resource);
-    assert!(told.contains("polygons take 1 MiB") && told.contains("--memory 68M"), "{told}");
+    assert!(told.contains("polygons take 1 MiB") && told.contains("‹memory› 68M"), "{told}");
 }
 
 #[test]

@@ -17,11 +17,11 @@ pub(crate) enum Misfit {
 }
 
 const CHOOSE_FOR_VOIDS: &str =
-    "pass a value with --nodata or --out-nodata that the type holds and no sample has";
+    "pass a value with ‹nodata› or ‹out_nodata› that the type holds and no sample has";
 const CHOOSE_NODATA: &str =
-    "pass another value for voids with --out-nodata (--nodata of terrane grid)";
-const CHOOSE_TYPE: &str = "choose a wider type with --type";
-const ROUND: &str = "pass --round to store the nearest value, or choose another type with --type";
+    "pass another value for voids with ‹out_nodata› (‹nodata› of terrane grid)";
+const CHOOSE_TYPE: &str = "choose a wider type with ‹type›";
+const ROUND: &str = "pass ‹round› to store the nearest value, or choose another type with ‹type›";
 
 impl Misfit {
     /// The error, for a run that begins at (`col`, `row`) of a grid of such samples.

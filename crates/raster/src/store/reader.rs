@@ -32,7 +32,7 @@ pub fn try_open(path: &Path, options: &OpenOptions) -> Result<Option<Box<dyn Gri
     if options.band != 1 {
         return Err(Error::usage(format!("there is no band {}", options.band))
             .in_file(path)
-            .remedy("the file has one band: leave --band out"));
+            .remedy("the file has one band: leave ‹band› out"));
     }
     info.nodata = options.nodata.or(info.nodata);
     let map = Map::new(&file).map_err(|e| Error::read(path, e))?;

@@ -112,7 +112,7 @@ impl Creation {
 fn unknown(format: &str, key: &str, options: &[CreationOption]) -> Error {
     let error = Error::usage(format!("{format} has no creation option {key}"));
     if options.is_empty() {
-        return error.remedy("leave --co out: the format has no options");
+        return error.remedy("leave ‹co› out: the format has no options");
     }
     let known: Vec<String> =
         options.iter().map(|o| format!("{}={}", o.key, o.accepts.text())).collect();

@@ -108,7 +108,7 @@ fn image(order: &Order<'_>, info: &GridInfo) -> Result<Image> {
         }
         (creation.number("BLOCKXSIZE").unwrap_or(TILE), rows.unwrap_or(TILE))
     } else {
-        creation.refuse("BLOCKXSIZE", "on strips: add --co TILED=YES")?;
+        creation.refuse("BLOCKXSIZE", "on strips: add ‹co› TILED=YES")?;
         let row_bytes = u64::from(width) * sample_type.bytes() as u64;
         let usual = (STRIP_BYTES / row_bytes).clamp(1, u64::from(u32::MAX)) as u32;
         (width, rows.unwrap_or(usual).min(height))

@@ -23,7 +23,7 @@ pub(super) fn is_asked(order: &Order<'_>) -> Result<bool> {
     match (order.creation.word("ENCODING"), asked) {
         (Some("GRAY"), Some(other)) if !is_held => {
             let message = format!("ENCODING=GRAY holds uint8 and uint16, not {}", other.name());
-            Err(Error::usage(message).remedy("choose --type uint8 or uint16"))
+            Err(Error::usage(message).remedy("choose ‹type› uint8 or uint16"))
         }
         (Some(word), _) => Ok(word == "GRAY"),
         (None, _) => Ok(is_held),

@@ -194,7 +194,7 @@ impl GridFormat {
         let creation = Creation::new(self.name, self.options, &options.creation)?;
         self.check_bands(options)?;
         if options.nodata.is_some() {
-            self.check_voids("--out-nodata")?;
+            self.check_voids("‹out_nodata›")?;
         }
         refuse_old_sidecars(path)?;
         (self.create)(&Order { path, info, options, creation }).map_err(|e| e.in_file(path))

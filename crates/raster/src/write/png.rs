@@ -29,13 +29,13 @@ use terrane_files::{lock, unlocked};
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "PNG",
     extensions: &["png"],
-    about: "terrain-RGB, terrarium, or gray of 8 or 16 bits (--type uint8, uint16), with .pgw and .prj; scale and offset \
+    about: "terrain-RGB, terrarium, or gray of 8 or 16 bits (‹type› uint8, uint16), with .pgw and .prj; scale and offset \
             are applied",
     options: &[
         CreationOption {
             key: "ENCODING",
             accepts: Words(&["TERRAIN-RGB", "TERRARIUM", "GRAY"]),
-            about: "how heights are held [GRAY where --type is uint8 or uint16 and of reliefs, else by the name of the \
+            about: "how heights are held [GRAY where ‹type› is uint8 or uint16 and of reliefs, else by the name of the \
                     file, else TERRAIN-RGB]",
         },
         CreationOption {
@@ -80,12 +80,12 @@ impl PngSink {
                 other.name()
             );
             return Err(
-                Error::usage(message).remedy("leave --type and ENCODING out, or --type alone")
+                Error::usage(message).remedy("leave ‹type› and ENCODING out, or ‹type› alone")
             );
         }
         if options.nodata.is_some() {
             return Err(Error::usage("voids of a PNG are transparent, and have no value")
-                .remedy("leave --out-nodata out"));
+                .remedy("leave ‹out_nodata› out"));
         }
         let packing = packing(order)?;
         let alpha = match order.creation.word("ALPHA") {
@@ -106,7 +106,7 @@ impl PngSink {
             return Ok([0; 4]);
         }
         Err(Error::bad_input("a void, but the picture has no transparency")
-            .remedy("pass --co ALPHA=YES"))
+            .remedy("pass ‹co› ALPHA=YES"))
     }
 
     /// Red, green, blue and full opacity.
@@ -123,7 +123,7 @@ impl PngSink {
         let same = (step - wanted).abs() < HAIR || again as f32 == height as f32;
         if !same && !self.round {
             let message = format!("{name} holds steps of {scale}, and the height is {height}");
-            return Err(Error::bad_input(message).remedy("pass --round to store the nearest"));
+            return Err(Error::bad_input(message).remedy("pass ‹round› to store the nearest"));
         }
         let [_, red, green, blue] = (step as u32).to_be_bytes();
         Ok([red, green, blue, u8::MAX])

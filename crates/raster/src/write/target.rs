@@ -40,7 +40,7 @@ impl Order<'_> {
             None => {
                 let name = info.sample_type.name();
                 Err(Error::usage(format!("the nodata value {value} cannot be stored as {name}"))
-                    .remedy("pass one with --out-nodata that the type holds"))
+                    .remedy("pass one with ‹out_nodata› that the type holds"))
             }
         }
     }

@@ -224,7 +224,7 @@ pub(super) fn form(creation: &Creation, exact: Option<u64>, plain: u64) -> Resul
 /// The file does not fit into a classic TIFF.
 pub(super) fn too_large() -> Error {
     Error::usage("the file is larger than the 4 GiB of a classic TIFF")
-        .remedy("leave out --co BIGTIFF=NO")
+        .remedy("leave out ‹co› BIGTIFF=NO")
 }
 
 #[cfg(test)]

@@ -40,8 +40,20 @@ if TYPE_CHECKING:
         OutputError,
         ResourceError,
     )
-    from terrane._lines import Lines, contour, simplify
+    from terrane._lines import Lines, simplify
     from terrane._mesh import Mesh
+    from terrane._operations import (
+        aspect,
+        color_relief,
+        contour,
+        convert,
+        curvature,
+        hillshade,
+        roughness,
+        slope,
+        tpi,
+        tri,
+    )
     from terrane._plans import Plan, open_plan, plan, plan_cloud_tin
     from terrane._points import plan_points, points
     from terrane._terrane import __version__
@@ -53,8 +65,9 @@ if TYPE_CHECKING:
 _WHERE = {
     "_clouds": "GridResult chm dsm dtm grid verify_cloud write_cloud_tin",
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
-    "_lines": "Lines contour simplify",
+    "_lines": "Lines simplify",
     "_mesh": "Mesh",
+    "_operations": "aspect color_relief contour convert curvature hillshade roughness slope tpi tri",
     "_plans": "Plan open_plan plan plan_cloud_tin",
     "_points": "plan_points points",
     "_terrane": "__version__",
@@ -93,19 +106,28 @@ __all__ = [
     "Report",
     "ResourceError",
     "__version__",
+    "aspect",
     "chm",
+    "color_relief",
     "contour",
+    "convert",
+    "curvature",
     "dsm",
     "dtm",
     "grid",
+    "hillshade",
     "open_plan",
     "plan",
     "plan_cloud_tin",
     "plan_points",
     "points",
+    "roughness",
     "simplify",
+    "slope",
     "tiles",
     "tin",
+    "tpi",
+    "tri",
     "verify",
     "verify_cloud",
     "write_cloud_tin",

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 import warnings
-
-# An option of the command line, not a part of a name.
-OPTION = re.compile(r"(?<![\w/.-])--([a-z]+(?:-[a-z]+)*)")
-
 
 class Error(Exception):
     """What went wrong: `kind` is a word for it, `file` and `place` say where, `remedy` what to do about it;
@@ -103,13 +98,7 @@ def make(
 ) -> Error:
     """The exception for an error of the library."""
     cls = MissingFileError if is_missing else CLASSES.get(kind, Error)
-    remedy = None if remedy is None else in_python(remedy)
-    return cls(in_python(message), kind, file, place, remedy)
-
-
-def in_python(text: str) -> str:
-    """What is said of options of the command line, said of arguments."""
-    return OPTION.sub(lambda option: option[1].replace("-", "_"), text)
+    return cls(message, kind, file, place, remedy)
 
 
 def refuse_existing(path: str, overwrite: bool) -> None:
@@ -134,7 +123,7 @@ def warn(text: str) -> None:
         frame = frame.f_back
     # Frames of other modules may lie between those of this package.
     ours = [level for level, name in enumerate(names) if name.startswith(FOLDER)]
-    warnings.warn(in_python(text), stacklevel=ours[-1] + 2)
+    warnings.warn(text, stacklevel=ours[-1] + 2)
 
 
 FOLDER = os.path.dirname(__file__) + os.sep

@@ -61,66 +61,6 @@ class Lines:
         return f"<terrane.Lines: {len(self):,} lines at {levels} levels, {len(self.coordinates):,} vertices>"
 
 
-def contour(
-    src: Any,
-    interval: float | None = None,
-    *,
-    levels: Any = None,
-    tolerance: float | None = None,
-    band: int | None = None,
-    nodata: float | None = None,
-    transform: Any = None,
-    crs: Any = None,
-    clip: Features | None = None,
-    to_crs: Any = None,
-    shift_grid: Path | None = None,
-    output: Path | None = None,
-    overwrite: bool = False,
-    threads: int | None = None,
-    memory: int | str | None = None,
-    progress: Any = None,
-) -> Lines | dict[str, Any]:
-    """Contour lines of a grid of heights, at every `interval` or at `levels`, joined across tiles, voids respected; higher
-    ground is on the right of a line.
-
-    `tolerance` leaves out vertices within this distance of the line that is left, so that no two lines come to cross. With `output` they
-    are written into a file of features, whatever their number, and what `terrane contour --json` tells is returned. `to_crs` is the
-    reference system that they are brought to, such as "EPSG:4326", `shift_grid` a file (NTv2) that leads from one datum to another.
-    `src` and the rest are as for `tin`.
-
-    >>> import numpy as np, terrane
-    >>> cone = np.hypot(*np.mgrid[-20:21, -20:21])
-    >>> lines = terrane.contour(cone, levels=[5.0, 10.0])
-    >>> len(lines), lines.levels.tolist(), lines[0].shape[1]
-    (2, [5.0, 10.0], 2)
-    """
-    if (interval is None) == (levels is None):
-        raise usage("lines are at an interval or at levels", "pass one of them")
-    asked = (
-        number("interval", interval),
-        numbers("levels", levels),
-        number("tolerance", tolerance),
-    )
-    run = settings(threads, memory, progress)
-    target = system(to_crs, shift_grid)
-    if output is not None:
-        refuse_existing(os.fspath(output), overwrite)
-    with (
-        opened(src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip) as (grid, _),
-        tempfile.TemporaryDirectory(prefix="terrane-") as folder,
-    ):
-        if output is not None:
-            name = os.fspath(output)
-            return grid.contours(name, *asked, False, None, target, overwrite, run)
-        path = os.path.join(folder, "lines.fgb")
-        grid.contours(path, *asked, False, None, target, False, run)
-        coordinates, offsets, values, found = _terrane.read_lines(path, "elev")
-    order = np.lexsort((np.arange(len(values)), values))
-    if not np.array_equal(order, np.arange(len(order))):
-        coordinates, offsets, values = sorted_lines(coordinates, offsets, values, order)
-    return Lines(coordinates, offsets, values, grid.info["crs"] if to_crs is None else found)
-
-
 def sorted_lines(
     coordinates: NDArray[np.float64],
     offsets: NDArray[np.int64],

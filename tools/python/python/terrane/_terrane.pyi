@@ -15,6 +15,7 @@ __all__ = [
     "Mesh",
     "Plan",
     "command_line",
+    "operations",
     "read_lines",
     "simplify_places",
     "simplify_file",
@@ -68,30 +69,11 @@ class Grid:
         breaklines: str | None,
         settings: Settings,
     ) -> dict[str, Any]: ...
-    def contours(
-        self,
-        path: str,
-        every: float | None,
-        at: Sequence[float] | None,
-        tolerance: float | None,
-        with_z: bool,
-        format: str | None,
-        system: System,
-        overwrite: bool,
-        settings: Settings,
+    def run(
+        self, operation: str, path: str, options: dict[str, Any], settings: Settings
     ) -> dict[str, Any]: ...
     def tiles(
         self, path: str, asked: dict[str, Any], overwrite: bool, settings: Settings
-    ) -> dict[str, Any]: ...
-    def convert(
-        self,
-        path: str,
-        dtype: str | None,
-        round: bool,
-        creation: Sequence[tuple[str, str]],
-        format: str | None,
-        overwrite: bool,
-        settings: Settings,
     ) -> dict[str, Any]: ...
 
 @final
@@ -176,6 +158,7 @@ class Plan:
         self, task: str | None, output: str | None, overwrite: bool, settings: Settings
     ) -> dict[str, Any]: ...
 
+def operations() -> dict[str, Any]: ...
 def command_line(args: Sequence[str]) -> int: ...
 def read_lines(
     path: str, attribute: str

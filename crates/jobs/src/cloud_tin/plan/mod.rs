@@ -99,7 +99,7 @@ pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Resu
 
 /// Fails for what the whole cloud has to be there for.
 fn refuse_lines(job: &CloudTinJob) -> Result<()> {
-    let options = [("--keep-points", &job.keep_points), ("--breaklines", &job.breaklines)];
+    let options = [("‹keep_points›", &job.keep_points), ("‹breaklines›", &job.breaklines)];
     match options.into_iter().find(|(_, file)| file.is_some()) {
         None => Ok(()),
         Some((option, _)) => Err(Error::usage(format!(

@@ -46,7 +46,7 @@ impl Metres {
 fn no_length(unit: &str) -> Error {
     let message = format!("coordinates in the unit {unit:?} are no lengths in metres or feet");
     Error::unsupported(message)
-        .remedy("reproject the cloud; of points classified as ground, --dtm works in any unit")
+        .remedy("reproject the cloud; of points classified as ground, ‹dtm› works in any unit")
 }
 
 #[cfg(test)]

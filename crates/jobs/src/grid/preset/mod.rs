@@ -161,16 +161,16 @@ pub(super) fn check(preset: Preset, job: &GridJob) -> Result<()> {
     let wanted = &job.cloud.filter;
     if job.stats != [preset.band()] {
         let message = "a preset is one band, beside which there is no statistic";
-        return Err(Error::usage(message).remedy("leave out --stat or the preset"));
+        return Err(Error::usage(message).remedy("leave out ‹stat› or the preset"));
     }
     if wanted.returns.is_some() {
-        let message = "--return cannot act: a preset takes the returns that it is made of";
-        return Err(Error::usage(message).remedy("leave --return out"));
+        let message = "‹return› cannot act: a preset takes the returns that it is made of";
+        return Err(Error::usage(message).remedy("leave ‹return› out"));
     }
     if wanted.classes.is_some() && job.ground.is_method() {
-        let message = "--class cannot act: it names the classes of ground, which a method of \
-            --ground does not ask for";
-        return Err(Error::usage(message).remedy("leave --class out, or pass --ground class"));
+        let message = "‹class› cannot act: it names the classes of ground, which a method of \
+            ‹ground› does not ask for";
+        return Err(Error::usage(message).remedy("leave ‹class› out, or pass ‹ground› class"));
     }
     check_canopy(preset, job)
 }
@@ -178,17 +178,17 @@ pub(super) fn check(preset: Preset, job: &GridJob) -> Result<()> {
 /// Fails where what is said of the surface, or of a ground that it does not stand on, cannot act.
 fn check_canopy(preset: Preset, job: &GridJob) -> Result<()> {
     if preset == Preset::Dtm && !job.canopy.is_usual() {
-        return Err(Error::usage("--canopy cannot act: it is for --dsm and --chm")
-            .remedy("leave --canopy out"));
+        return Err(Error::usage("‹canopy› cannot act: it is for ‹dsm› and ‹chm›")
+            .remedy("leave ‹canopy› out"));
     }
     let idle = [
-        ("--ground", job.ground != GroundFrom::Auto),
-        ("--class", job.cloud.filter.classes.is_some()),
+        ("‹ground›", job.ground != GroundFrom::Auto),
+        ("‹class›", job.cloud.filter.classes.is_some()),
     ];
     match idle.into_iter().find(|(_, given)| *given && !needs_ground(preset, job)) {
         Some((option, _)) => {
             let name = job.canopy.name();
-            let message = format!("{option} cannot act: a {name} --dsm knows of no ground");
+            let message = format!("{option} cannot act: a {name} ‹dsm› knows of no ground");
             Err(Error::usage(message).remedy(format!("leave {option} out")))
         }
         None => Ok(()),
@@ -302,7 +302,7 @@ impl Model {
         if square > room {
             let what = format!("finding the ground by {}", method.name());
             let memory = making.job.resources.memory;
-            return Err(too_little(&what, least_for(square), memory, "--ground filter"));
+            return Err(too_little(&what, least_for(square), memory, "‹ground› filter"));
         }
         let share = if square > 0 { room } else { making.memory / TILE_SHARE };
         let tile = share / making.threads as u64;
@@ -430,13 +430,13 @@ pub(crate) fn no_ground_of_class(named: &str) -> Error {
 
 fn not_of_class(named: &str) -> Error {
     no_ground_of_class(named)
-        .remedy("pass --ground auto, or name the classes of ground with --class")
+        .remedy("pass ‹ground› auto, or name the classes of ground with ‹class›")
 }
 
 /// The error of a cloud without ground.
 pub(crate) fn no_ground() -> Error {
     Error::bad_input("no ground is found in the cloud")
-        .remedy("check what --bounds, --polygon and --z-range leave of it")
+        .remedy("check what ‹bounds›, ‹polygon› and ‹z_range› leave of it")
 }
 
 /// The error of a part of a cloud that was too little.

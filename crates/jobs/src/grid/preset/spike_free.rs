@@ -171,7 +171,7 @@ fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
     let square = points * BYTES_PER_POINT;
     if square > room {
         let what = "a square of the spike-free surface";
-        let other = "--canopy pit-free, or a shorter freeze";
+        let other = "‹canopy› pit-free, or a shorter freeze";
         return Err(too_little(what, least(points), making.job.resources.memory, other));
     }
     Ok((room / square.max(1)).min(making.threads as u64) as usize)

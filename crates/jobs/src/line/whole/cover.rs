@@ -150,7 +150,7 @@ impl Cover<'_> {
         let needed = rest + input.bytes.min(rest);
         let mib = ((needed + needed / 7) >> 20) + 1;
         let message = format!("neighbours are looked at in memory, which takes {mib} MiB");
-        let error = short(message, mib << 20).or("leave --topology out");
+        let error = short(message, mib << 20).or("leave ‹topology› out");
         error.in_file(&self.files.pairs[0].input)
     }
 
@@ -213,13 +213,13 @@ impl Cover<'_> {
         if !told.is_empty() {
             let told = told.join(", ");
             notes.push(format!(
-                "with --snap {snap:?}, {told} that did not before; pass a smaller --snap"
+                "with ‹snap› {snap:?}, {told} that did not before; pass a smaller ‹snap›"
             ));
         }
         let (looked, all) = (total.pairs.len() as u64, total.crossings);
         if snap > 0.0 && looked < all {
             notes.push(format!(
-                "{all} pairs of segments meet; whether they did before --snap {snap:?} is known of \
+                "{all} pairs of segments meet; whether they did before ‹snap› {snap:?} is known of \
                  {looked} only"
             ));
         }

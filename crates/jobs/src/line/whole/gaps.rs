@@ -46,7 +46,7 @@ impl Gaps {
         let (power, _) = power.filter(|_| all >= FEWEST && all * 2 >= self.all)?;
         Some(format!(
             "borders almost match: {sum} pairs of segments that cross, touch or overlap have ends no \
-             farther apart than 1e{power}, and keep their vertices; try --snap 1e{power}"
+             farther apart than 1e{power}, and keep their vertices; try ‹snap› 1e{power}"
         ))
     }
 }
@@ -64,10 +64,10 @@ mod tests {
         (0..20).for_each(|_| gaps.add(pair(2e-9)));
         gaps.add(pair(2.0));
         let mut all = gaps.clone();
-        assert!(all.note().unwrap().ends_with("try --snap 1e-6"));
+        assert!(all.note().unwrap().ends_with("try ‹snap› 1e-6"));
         (0..400).for_each(|_| gaps.add(pair(2e-9)));
         all.merge(&gaps);
-        assert!(all.note().unwrap().ends_with("try --snap 1e-8"), "{:?}", all.note());
+        assert!(all.note().unwrap().ends_with("try ‹snap› 1e-8"), "{:?}", all.note());
         (0..500).for_each(|_| all.add(pair(2.0)));
         assert_eq!(all.note(), None, "most are crossings as such");
     }

@@ -50,9 +50,9 @@ fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
     };
     let others = match (whole.job.collapse, unit) {
         (Collapse::Drop, Unit::Vertices) => "",
-        (Collapse::Drop, Unit::Bytes) => ", or fewer --decimals in a text format",
-        (_, Unit::Vertices) => ", or pass --collapse drop",
-        (_, Unit::Bytes) => ", or pass --collapse drop, or fewer --decimals in a text format",
+        (Collapse::Drop, Unit::Bytes) => ", or fewer ‹decimals› in a text format",
+        (_, Unit::Vertices) => ", or pass ‹collapse› drop",
+        (_, Unit::Bytes) => ", or pass ‹collapse› drop, or fewer ‹decimals› in a text format",
     };
     let stays = match whole.job.topology {
         Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",

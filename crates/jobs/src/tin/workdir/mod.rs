@@ -148,7 +148,7 @@ fn plan_checked(
 
 fn budget() -> Error {
     Error::usage("a plan needs a tolerance: no task alone can tell which one meets a budget")
-        .remedy("pass --max-error")
+        .remedy("pass ‹max_error›")
 }
 
 /// How far the work in the folder `path` has come; objects are looked at, not read through.

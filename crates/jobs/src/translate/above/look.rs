@@ -316,9 +316,9 @@ impl Looking<'_> {
         match self.above.reclassify() {
             None => no_ground(),
             Some(_) => Error::bad_input(
-                "the cloud has no points whose class --classify ground may change",
+                "the cloud has no points whose class ‹classify› ground may change",
             )
-            .remedy("name the classes that may be ground: --classify ground:reclassify=CLASS,..."),
+            .remedy("name the classes that may be ground: ‹classify› ground:reclassify=CLASS,..."),
         }
     }
 
@@ -522,7 +522,7 @@ impl Looking<'_> {
             if !kept.is_empty() {
                 let all = kept.values().sum::<u64>();
                 let of = by_class(kept);
-                let more = "--classify ground:reclassify=CLASS,... names classes that may change";
+                let more = "‹classify› ground:reclassify=CLASS,... names classes that may change";
                 notes.push(format!("classes: {all} points keep theirs{of}; {more}"));
             }
         }
@@ -564,5 +564,5 @@ impl Entry {
 
 fn not_of_class() -> Error {
     no_ground_of_class(&GROUND.to_string())
-        .remedy("pass --ground filter, or classify the cloud before")
+        .remedy("pass ‹ground› filter, or classify the cloud before")
 }

@@ -220,17 +220,17 @@ impl Above {
     pub(super) fn check(&self, format: PointFormat) -> Result<()> {
         if self.finds_ground() && self.from == GroundFrom::Class {
             return Err(Error::usage(
-                "--classify ground cannot act: --ground class takes the classes that there are",
+                "‹classify› ground cannot act: ‹ground› class takes the classes that there are",
             )
             .remedy("leave one of them out"));
         }
         if !self.is_asked() && self.from != GroundFrom::Auto {
-            return Err(Error::usage("--ground cannot act: nothing is asked of the ground")
-                .remedy("pass --height-above-ground or --classify, or leave --ground out"));
+            return Err(Error::usage("‹ground› cannot act: nothing is asked of the ground")
+                .remedy("pass ‹height_above_ground› or ‹classify›, or leave ‹ground› out"));
         }
         let kinds: Vec<_> = self.classify.iter().map(std::mem::discriminant).collect();
         if (1..kinds.len()).any(|i| kinds[..i].contains(&kinds[i])) {
-            return Err(Error::usage("--classify names one way twice").remedy("leave one out"));
+            return Err(Error::usage("‹classify› names one way twice").remedy("leave one out"));
         }
         let classes =
             self.layers().into_iter().flat_map(|Layers(all)| all).map(|(class, _)| *class);
@@ -239,7 +239,7 @@ impl Above {
             Some(class) => {
                 let number = format.number();
                 Err(Error::usage(format!("point format {number} has no class {class}"))
-                    .remedy("pass --point-format 6, or 7 with colours"))
+                    .remedy("pass ‹point_format› 6, or 7 with colours"))
             }
         }
     }

@@ -82,20 +82,20 @@ pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
     let (crs, scale) = (&info.crs, info.frame.scale);
     if crs.horizontal_unit() == "degree" {
         return Err(Error::usage(
-            "--thin-distance needs coordinates in a unit of length, and these are degrees",
+            "‹thin_distance› needs coordinates in a unit of length, and these are degrees",
         )
-        .remedy("write the points with --to-crs first, and thin these, or pass --thin"));
+        .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
     }
     let units = crs.horizontal_metres().zip(crs.vertical_metres());
     if units.is_some_and(|(across, up)| (across / up - 1.0).abs() > 1e-5) {
-        return Err(Error::usage("--thin-distance needs heights in the unit of x and y")
-            .remedy("write the points with --to-crs first, and thin these, or pass --thin"));
+        return Err(Error::usage("‹thin_distance› needs heights in the unit of x and y")
+            .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
     }
     if !least.is_finite() || scale.iter().any(|step| least < *step) {
         return Err(Error::usage(format!(
             "a distance of {least} is smaller than a step of the points"
         ))
-        .remedy("choose a larger one, or --dedupe for points that are there twice"));
+        .remedy("choose a larger one, or ‹dedupe› for points that are there twice"));
     }
     Ok(())
 }
@@ -244,7 +244,7 @@ impl Search<'_> {
             let least = self.discs.apart.least();
             let message = format!("too many points are kept {least} apart at one place");
             return Err(Error::new(ErrorKind::Resource, message)
-                .remedy("pass a larger --memory, or a larger --thin-distance"));
+                .remedy("pass a larger ‹memory›, or a larger ‹thin_distance›"));
         }
         let middle = [0, 1].map(|axis| low[axis] + (high[axis] - low[axis]) / 2);
         let part = |axis: usize, half: usize| match half {

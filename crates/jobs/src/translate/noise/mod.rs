@@ -65,8 +65,8 @@ pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
 /// Coordinates that are no lengths.
 fn space(info: &CloudInfo) -> Result<(Space, bool)> {
     let metres = Metres::of(&info.crs, &info.frame).map_err(|_| {
-        Error::usage("--classify noise needs coordinates in units of length")
-            .remedy("write the points with --to-crs first, and look for noise in these")
+        Error::usage("‹classify› noise needs coordinates in units of length")
+            .remedy("write the points with ‹to_crs› first, and look for noise in these")
     })?;
     let frame = &info.frame;
     let zero = [0, 1, 2].map(|axis| {

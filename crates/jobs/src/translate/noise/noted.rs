@@ -146,7 +146,7 @@ impl Marked<'_> {
 
 fn too_much() -> Error {
     Error::new(ErrorKind::Resource, "there is more noise than a plan has room to note")
-        .remedy("run terrane points --classify noise alone, and plan the squares of what it writes")
+        .remedy("run terrane points ‹classify› noise alone, and plan the squares of what it writes")
 }
 
 #[cfg(test)]

@@ -208,7 +208,7 @@ impl<'a> Pairs<'a> {
                 return Err(Error::new(ErrorKind::Resource, message)
                     .in_file(&self.job.lines)
                     .remedy(
-                        "pass more --memory, or write lines to a format that keeps the order",
+                        "pass more ‹memory›, or write lines to a format that keeps the order",
                     ));
             }
             all.push(self.own(&feature, facts(&feature), source)?);
@@ -236,7 +236,7 @@ impl<'a> Pairs<'a> {
             let message = "a coordinate below 1e-59 is too small for distances to be computed";
             return Err(Error::bad_input(message)
                 .at(source.place())
-                .remedy("pass --tolerance 1e-50 or more"));
+                .remedy("pass ‹tolerance› 1e-50 or more"));
         }
         if needed > self.job.resources.memory.max(LEAST) {
             let mib = needed.div_ceil(1 << 20);

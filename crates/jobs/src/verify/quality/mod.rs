@@ -92,5 +92,5 @@ fn refuse_solid(mesh: &dyn MeshSource) -> Result<()> {
     Err(Error::unsupported(
         "is a solid: it has walls and a bottom, which are no terrain to measure",
     )
-    .remedy("measure the mesh that is made without --base and --co SOLID_BASE"))
+    .remedy("measure the mesh that is made without ‹base› and ‹co› SOLID_BASE"))
 }

@@ -26,7 +26,7 @@ use self::place::Places;
 use self::room::{Divided, Room};
 use crate::figures::Figures;
 use crate::memory::{cache_beside, too_little};
-use crate::reading::Reading;
+use crate::options::GridInput;
 use crate::tiles::GroundModel;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -49,7 +49,7 @@ pub struct TilesVerifyJob {
     /// Names of the raster's files.
     pub raster: Inputs,
     /// What is read of it.
-    pub reading: Reading,
+    pub reading: GridInput,
     /// The name of a file with the heights of the geoid that the raster's are counted from (GTX or GeoTIFF).
     pub geoid: Option<String>,
     /// What the job may use.

@@ -499,12 +499,12 @@ impl Judge<'_> {
         let note = "the raster does not say what its heights are in: they are taken for metres";
         let is_dry = self.context.layer.has_water && self.context.shore.is_none();
         let of_water =
-            "tiles tell of water, which is level in them: pass --water with the file of it";
+            "tiles tell of water, which is level in them: pass ‹water› with the file of it";
         let has_geoid = self.context.places.has_geoid();
         let is_other = self.has_other_heights();
         let of_geoid = match has_geoid {
-            true => "the tiles say that no geoid was added to their heights: leave --geoid out",
-            false => "the tiles say that a geoid was added to their heights: pass --geoid",
+            true => "the tiles say that no geoid was added to their heights: leave ‹geoid› out",
+            false => "the tiles say that a geoid was added to their heights: pass ‹geoid›",
         };
         let found = self.context.places.notes.iter().cloned();
         found

@@ -1,0 +1,97 @@
+//! Names of options in messages: `‹max_error›`, or with a value `‹memory=64M›`, which each way of asking for a job
+//! spells as its user does.
+//!
+//! A library cannot know whether `max_error` was given on a command line or as an argument of Python, so its errors and
+//! notes name the field of the options, between two signs that no other text has. A caller from Rust reads them as they
+//! are.
+
+use std::borrow::Cow;
+
+/// Begins the name of an option.
+const OPEN: char = '‹';
+/// Ends it.
+const CLOSE: char = '›';
+
+/// A way of asking for a job that has a spelling of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Door {
+    /// `--max-error`, `--memory 64M`, `--no-drop`.
+    CommandLine,
+    /// `max_error`, `memory='64M'`, `drop=False`.
+    Python,
+}
+
+impl Door {
+    /// A message with its options spelled.
+    ///
+    /// ```
+    /// use terrane_base::door::Door;
+    /// let remedy = "raise ‹max_error›, or pass ‹memory=64M› and ‹drop=false›";
+    /// assert_eq!(Door::CommandLine.spell(remedy), "raise --max-error, or pass --memory 64M and --no-drop");
+    /// assert_eq!(Door::Python.spell(remedy), "raise max_error, or pass memory='64M' and drop=False");
+    /// ```
+    pub fn spell(self, message: &str) -> Cow<'_, str> {
+        if !message.contains(OPEN) {
+            return Cow::Borrowed(message);
+        }
+        let (mut spelled, mut rest) = (String::with_capacity(message.len()), message);
+        while let Some((before, after)) = rest.split_once(OPEN) {
+            spelled += before;
+            match after.split_once(CLOSE).filter(|(option, _)| is_option(option)) {
+                Some((option, behind)) => {
+                    spelled += &self.option(option);
+                    rest = behind;
+                }
+                None => {
+                    spelled.push(OPEN);
+                    rest = after;
+                }
+            }
+        }
+        Cow::Owned(spelled + rest)
+    }
+
+    /// An option alone: its name, or `name=value`.
+    fn option(self, option: &str) -> String {
+        let (name, value) = option.split_once('=').unzip();
+        let name = name.unwrap_or(option);
+        match (self, value) {
+            (Self::CommandLine, Some("false")) => format!("--no-{}", name.replace('_', "-")),
+            (Self::CommandLine, None | Some("true")) => format!("--{}", name.replace('_', "-")),
+            (Self::CommandLine, Some(value)) => format!("--{} {value}", name.replace('_', "-")),
+            (Self::Python, None) => name.to_owned(),
+            (Self::Python, Some("true")) => format!("{name}=True"),
+            (Self::Python, Some("false")) => format!("{name}=False"),
+            (Self::Python, Some(value)) if value.parse::<f64>().is_ok() => {
+                format!("{name}={value}")
+            }
+            (Self::Python, Some(value)) => format!("{name}='{value}'"),
+        }
+    }
+}
+
+/// True for a name as fields have them, with or without a value: anything else between the signs is text.
+fn is_option(text: &str) -> bool {
+    let name = text.split_once('=').map_or(text, |(name, _)| name);
+    !name.is_empty()
+        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Door::{CommandLine, Python};
+
+    #[test]
+    fn each_door_spells_options_and_leaves_other_text() {
+        for (message, command_line, python) in [
+            ("no option", "no option", "no option"),
+            ("‹fit› and ‹to_crs›", "--fit and --to-crs", "fit and to_crs"),
+            ("‹tile=512›‹strict=true›", "--tile 512--strict", "tile=512strict=True"),
+            ("a ‹‹b› and ‹A B› ›", "a ‹--b and ‹A B› ›", "a ‹b and ‹A B› ›"),
+            ("‹› ‹fit", "‹› ‹fit", "‹› ‹fit"),
+        ] {
+            assert_eq!(CommandLine.spell(message), command_line);
+            assert_eq!(Python.spell(message), python);
+        }
+    }
+}

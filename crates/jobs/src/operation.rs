@@ -1,0 +1,279 @@
+//! Operations: what can be done with a grid in one struct of options each, which every door is made from.
+//!
+//! The command line takes the options by name, Rust by setters of [`Job`], Python by keywords; all come to
+//! [`Operation::run`]. A new operation is a file with its options and its work, and a line in [`OPERATIONS`].
+
+use std::fmt;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde_json::{Map, Value as Json};
+use terrane_options::{Options, Table, check, fill, to_map};
+
+use crate::colours::ColorReliefOptions;
+use crate::contour::ContourOptions;
+use crate::convert::ConvertOptions;
+use crate::options::{FileOutput, GridInput, GridOutput};
+use crate::relief::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
+use crate::{Cancel, Progress, Resources, Silent, memory};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_raster::Inputs;
+
+/// All operations on grids that write a file, in the order of the help.
+pub const OPERATIONS: &[Listed] = &[
+    Listed::of::<ConvertOptions>(),
+    Listed::of::<ContourOptions>(),
+    Listed::of::<SlopeOptions>(),
+    Listed::of::<AspectOptions>(),
+    Listed::of::<HillshadeOptions>(),
+    Listed::of::<ColorReliefOptions>(),
+    Listed::of::<CurvatureOptions>(),
+    Listed::of::<RoughnessOptions>(),
+    Listed::of::<TpiOptions>(),
+    Listed::of::<TriOptions>(),
+];
+
+/// A struct of options that has a group of them.
+pub trait Has<G> {
+    /// The group.
+    fn part(&self) -> &G;
+
+    /// The same to change it.
+    fn part_mut(&mut self) -> &mut G;
+}
+
+/// What an operation writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Writes {
+    /// A grid, in any format that is written.
+    Grid,
+    /// Colours, in a format that holds them.
+    Colours,
+    /// Lines.
+    Lines,
+}
+
+/// Something that is made of a grid: a struct of options.
+pub trait Operation:
+    Options
+    + Clone
+    + fmt::Debug
+    + Send
+    + Sync
+    + 'static
+    + Has<GridInput>
+    + Has<FileOutput>
+    + Has<Resources>
+{
+    /// Its name, which is that of its verb, with dashes.
+    const NAME: &'static str;
+    /// What it writes.
+    const WRITES: Writes;
+    /// What is told of a run.
+    type Report: Serialize + Send;
+
+    /// What can be known to be wrong before the grid is opened, beside ranges and rules of the options.
+    ///
+    /// # Errors
+    /// An output or options that cannot be.
+    fn check(&self, output: &Path) -> Result<()>;
+
+    /// Makes it. Nothing appears under the output's name unless it succeeds.
+    ///
+    /// # Errors
+    /// Those of [`check`](Self::check); what is wrong with the grid, the output or the machine.
+    fn run(
+        &self,
+        inputs: &Inputs,
+        output: &Path,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self::Report>;
+}
+
+/// An operation whose type does not matter any more.
+pub struct Listed {
+    /// Its name, with dashes.
+    pub name: &'static str,
+    /// Its options.
+    pub table: &'static Table,
+    /// What it writes.
+    pub writes: Writes,
+    /// The defaults of its options.
+    pub defaults: fn() -> Map<String, Json>,
+    /// Runs it with options by name, where how the grid is read is said already.
+    pub run: fn(&Call<'_>) -> Result<Json>,
+}
+
+/// What a run is asked for.
+pub struct Call<'a> {
+    /// Files of the grid.
+    pub inputs: &'a Inputs,
+    /// How they are read, unless an option says otherwise.
+    pub reading: &'a GridInput,
+    /// File to write.
+    pub output: &'a Path,
+    /// Options by name.
+    pub options: &'a Map<String, Json>,
+    /// Who is told how far it is.
+    pub progress: &'a dyn Progress,
+    /// What may stop it.
+    pub cancel: &'a Cancel,
+}
+
+impl Listed {
+    const fn of<O: Operation>() -> Self {
+        let defaults = || to_map(&O::default());
+        Self { name: O::NAME, table: O::TABLE, writes: O::WRITES, defaults, run: run::<O> }
+    }
+}
+
+fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
+    let mut given = to_map(call.reading);
+    given.extend(call.options.clone());
+    let options: O = fill(&given)?;
+    check(&options)?;
+    options.check(call.output)?;
+    let report = options.run(call.inputs, call.output, call.progress, call.cancel)?;
+    serde_json::to_value(report)
+        .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
+}
+
+/// An amount of memory: a number of bytes, or a text such as `"512M"` or `"4GiB"`. A text that is none
+/// fails the job it was given to.
+///
+/// ```
+/// use terrane_jobs::operation::Memory;
+/// assert_eq!(Memory::from("2G").bytes().unwrap(), 2 << 30);
+/// assert!(Memory::from("much").bytes().is_err());
+/// ```
+#[derive(Clone, Debug)]
+pub struct Memory(std::result::Result<u64, String>);
+
+impl Memory {
+    /// So many bytes.
+    ///
+    /// # Errors
+    /// Usage: a text that is no amount.
+    pub fn bytes(&self) -> Result<u64> {
+        self.0.clone().map_err(|text| {
+            Error::usage(format!("{text:?} is no amount of memory"))
+                .remedy("give a size such as \"512M\" or \"4GiB\"")
+        })
+    }
+}
+
+impl From<u64> for Memory {
+    fn from(bytes: u64) -> Self {
+        Self(Ok(bytes))
+    }
+}
+
+impl From<&str> for Memory {
+    fn from(text: &str) -> Self {
+        Self(memory::parse(text).ok_or_else(|| text.to_owned()))
+    }
+}
+
+impl From<String> for Memory {
+    fn from(text: String) -> Self {
+        Self::from(text.as_str())
+    }
+}
+
+/// An operation on a grid, to be told its options by setters and to be run by [`write`](Self::write).
+pub struct Job<'a, O> {
+    inputs: Inputs,
+    pub(crate) options: O,
+    memory: Option<Memory>,
+    progress: Box<dyn Progress + Send>,
+    cancel: Cancel,
+    /// What is in memory has to stay there.
+    grid: PhantomData<&'a ()>,
+}
+
+impl<'a, O: Operation> Job<'a, O> {
+    /// The operation of the grid in some files, which is read so.
+    pub fn new(inputs: Inputs, reading: GridInput) -> Self {
+        let mut options = O::default();
+        *options.part_mut() = reading;
+        let (progress, cancel) = (Box::new(Silent), Cancel::default());
+        Self { inputs, options, memory: None, progress, cancel, grid: PhantomData }
+    }
+
+    /// The options as they are by now.
+    pub fn options(&self) -> &O {
+        &self.options
+    }
+
+    /// All of the options, instead of those that were told before.
+    pub fn with(self, options: O) -> Self {
+        Self { options, ..self }
+    }
+
+    /// Most memory for everything the job holds: bytes, or a text such as `"512M"`. Half of the machine's, at most
+    /// 4 GiB, unless told otherwise. No result depends on it.
+    pub fn memory(self, most: impl Into<Memory>) -> Self {
+        Self { memory: Some(most.into()), ..self }
+    }
+
+    /// Who is told how far the job is.
+    pub fn progress(self, told: impl Progress + Send + 'static) -> Self {
+        Self { progress: Box::new(told), ..self }
+    }
+
+    /// What may stop the job: once cancelled, it fails with [`ErrorKind::Interrupted`] and leaves nothing behind.
+    pub fn cancel(self, by: &Cancel) -> Self {
+        Self { cancel: by.clone(), ..self }
+    }
+
+    /// Does the work and writes the file, within the memory allowed.
+    ///
+    /// # Errors
+    /// Options out of their range, or that do not go together; damage in the grid; too little memory; an output that
+    /// exists or cannot be written; cancelled.
+    pub fn write(mut self, path: impl Into<PathBuf>) -> Result<O::Report> {
+        let path = path.into();
+        if let Some(memory) = &self.memory {
+            Has::<Resources>::part_mut(&mut self.options).memory = memory.bytes()?;
+        }
+        check(&self.options)?;
+        self.options.check(&path)?;
+        self.options.run(&self.inputs, &path, &*self.progress, &self.cancel)
+    }
+}
+
+impl<O: Has<GridOutput>> Job<'_, O> {
+    /// A creation option of the format, such as `COMPRESS`, `DEFLATE`; one more each time.
+    #[must_use]
+    pub fn creation(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
+        self.options.part_mut().co.push((key.into(), value.into()));
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::OPERATIONS;
+
+    #[test]
+    fn names_of_operations_and_of_their_options_are_unique() {
+        let is_unique = |mut names: Vec<&str>| {
+            names.sort_unstable();
+            names.windows(2).all(|pair| pair[0] != pair[1])
+        };
+        assert!(is_unique(OPERATIONS.iter().map(|operation| operation.name).collect()));
+        for operation in OPERATIONS {
+            let fields = operation.table.fields();
+            let names = fields.iter().flat_map(|own| own.aliases.iter().copied().chain([own.name]));
+            assert!(is_unique(names.collect()), "{}", operation.name);
+            let letters = fields.iter().filter_map(|own| own.short).map(String::from);
+            let letters: Vec<String> = letters.collect();
+            assert!(is_unique(letters.iter().map(String::as_str).collect()), "{}", operation.name);
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! Groups of options that several operations have, and how their values are written.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+use terrane_options::{Codec, Kind, Named, Options, Range, Rule};
+
+use crate::line::Length;
+use crate::memory;
+use crate::plan::as_text;
+use crate::transform::Transform;
+use terrane_base::geom::{metres_in, wkt};
+use terrane_base::registry;
+use terrane_files::{name_of, path_of};
+use terrane_raster::SampleType;
+use terrane_resample::{RESAMPLINGS, Resampling};
+
+/// How a grid is read
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Options)]
+#[options(setters = group)]
+pub struct GridInput {
+    /// Band to read, from 1
+    #[option(value = "N", default = 1, range = Range::new(1.0, u32::MAX as f64))]
+    pub band: u32,
+    /// Stored value that means "no height", instead of the file's own
+    #[option(value = "VALUE", with = FiniteOrNan)]
+    #[serde(with = "as_text")]
+    pub nodata: Option<f64>,
+    /// Part of the grid, in its coordinates, widened to whole cells (the square around each sample)
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = Bounds)]
+    #[serde(default, rename = "bbox", skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<[f64; 4]>,
+    /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken for voids;
+    /// those on a border stay, and rings within a polygon are holes
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clip: Option<String>,
+    /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their lowest
+    /// bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub water: Option<String>,
+}
+
+/// A file that is written
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Output", setters = group)]
+pub struct FileOutput {
+    /// Format to write
+    #[option(value = "NAME", short = 'f', usual = "by the output's ending")]
+    pub format: Option<String>,
+    /// Replace a file that exists
+    #[option(role = Run)]
+    pub overwrite: bool,
+}
+
+/// How a grid is written
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Output", setters = group)]
+pub struct GridOutput {
+    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
+    #[option(value = "KEY=VAL", with = KeyValue, no_setter)]
+    pub co: Vec<(String, String)>,
+}
+
+/// The reference system of an output
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Reference system", setters = group, rules = OF_REPROJECTION)]
+pub struct Reprojection {
+    /// Write in this reference system, such as EPSG:4326 or well-known text; processing uses that of the input
+    #[option(value = "CRS", with = CrsText)]
+    pub to_crs: Option<String>,
+    /// Grid of shifts between the datums of the two systems: an NTv2 file (.gsb)
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub shift_grid: Option<PathBuf>,
+    /// Heights of a geoid above the ellipsoid (GTX or GeoTIFF), for systems that count heights from different ones of
+    /// the two
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub geoid: Option<PathBuf>,
+}
+
+const OF_REPROJECTION: &[Rule] =
+    &[Rule::Needs("shift_grid", &["to_crs"]), Rule::Needs("geoid", &["to_crs"])];
+
+impl Reprojection {
+    /// What is to be done, if anything.
+    pub fn transform(&self) -> Option<Transform> {
+        let (shift_grid, geoid) = (self.shift_grid.clone(), self.geoid.clone());
+        self.to_crs.clone().map(|target| Transform { target, shift_grid, geoid })
+    }
+}
+
+/// The name of a file, whatever bytes it has.
+pub struct FileName;
+
+impl Codec<String> for FileName {
+    const KIND: Kind = Kind::Path;
+
+    fn parse(text: &str) -> Result<String, String> {
+        if text.is_empty() { Err("expected a name".to_owned()) } else { Ok(text.to_owned()) }
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}
+
+impl Codec<PathBuf> for FileName {
+    const KIND: Kind = Kind::Path;
+
+    fn parse(text: &str) -> Result<PathBuf, String> {
+        <Self as Codec<String>>::parse(text).map(|name| path_of(&name).into_owned())
+    }
+
+    fn json(value: &PathBuf) -> Json {
+        name_of(value.clone()).unwrap_or_else(|_| value.display().to_string()).into()
+    }
+}
+
+/// A finite number.
+pub struct Finite;
+
+impl Codec<f64> for Finite {
+    const KIND: Kind = Kind::Number;
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+        value.ok_or_else(|| "expected a number".to_owned())
+    }
+
+    fn json(value: &f64) -> Json {
+        (*value).into()
+    }
+
+    fn number(value: &f64) -> Option<f64> {
+        Some(*value)
+    }
+}
+
+/// A finite number or NaN, as nodata values are.
+pub struct FiniteOrNan;
+
+impl Codec<f64> for FiniteOrNan {
+    const KIND: Kind = Kind::Number;
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let value = text.trim().parse::<f64>().ok().filter(|value| !value.is_infinite());
+        value.ok_or_else(|| "expected a number or nan".to_owned())
+    }
+
+    fn json(value: &f64) -> Json {
+        if value.is_nan() { "nan".into() } else { (*value).into() }
+    }
+}
+
+/// `xmin,ymin,xmax,ymax`.
+pub struct Bounds;
+
+impl Codec<[f64; 4]> for Bounds {
+    const KIND: Kind = Kind::Shaped("Sequence[float]");
+
+    fn parse(text: &str) -> Result<[f64; 4], String> {
+        let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
+        let values: Result<Vec<f64>, String> = text.split(',').map(Finite::parse).collect();
+        let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
+        let is_ordered = bounds[0] < bounds[2] && bounds[1] < bounds[3];
+        if is_ordered { Ok(bounds) } else { Err(wrong()) }
+    }
+
+    fn json(value: &[f64; 4]) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// `side`, or `width,height`.
+pub struct CellSize;
+
+impl Codec<[f64; 2]> for CellSize {
+    const KIND: Kind = Kind::Shaped("float | Sequence[float]");
+
+    fn parse(text: &str) -> Result<[f64; 2], String> {
+        let (width, height) = text.split_once(',').unwrap_or((text, text));
+        match (Finite::parse(width), Finite::parse(height)) {
+            (Ok(width), Ok(height)) if width > 0.0 && height > 0.0 => Ok([width, height]),
+            _ => Err("expected a number above zero, or two: width,height".to_owned()),
+        }
+    }
+
+    fn json(value: &[f64; 2]) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// Numbers with commas between them.
+pub struct Numbers;
+
+impl Codec<Vec<f64>> for Numbers {
+    const KIND: Kind = Kind::Shaped("Sequence[float]");
+
+    fn parse(text: &str) -> Result<Vec<f64>, String> {
+        text.split(',').map(Finite::parse).collect()
+    }
+
+    fn json(value: &Vec<f64>) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// Bytes as people write them: `512M`, `4GiB`.
+pub struct Bytes;
+
+/// No job works in less.
+const LEAST_BYTES: u64 = 1 << 20;
+
+impl Codec<u64> for Bytes {
+    const KIND: Kind = Kind::Shaped("int | str");
+
+    fn parse(text: &str) -> Result<u64, String> {
+        match memory::parse(text) {
+            Some(few) if few < LEAST_BYTES => {
+                Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
+            }
+            Some(bytes) => Ok(bytes),
+            None => Err("expected a size such as 512M or 4GiB".to_owned()),
+        }
+    }
+
+    fn json(value: &u64) -> Json {
+        (*value).into()
+    }
+}
+
+/// `KEY=VAL`.
+pub struct KeyValue;
+
+impl Codec<(String, String)> for KeyValue {
+    const KIND: Kind = Kind::Shaped("dict[str, Any]");
+
+    fn parse(text: &str) -> Result<(String, String), String> {
+        let pair = text.split_once('=').filter(|(key, _)| !key.is_empty());
+        let pair = pair.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()));
+        pair.ok_or_else(|| "expected KEY=VAL, such as COMPRESS=ZSTD".to_owned())
+    }
+
+    fn json((key, value): &(String, String)) -> Json {
+        format!("{key}={value}").into()
+    }
+}
+
+/// A reference system by its code or text.
+pub struct CrsText;
+
+impl Codec<String> for CrsText {
+    const KIND: Kind = Kind::Text;
+
+    fn parse(text: &str) -> Result<String, String> {
+        let crs = wkt::of_srs(text);
+        match crs.epsg.is_some() || crs.wkt.is_some() {
+            true => Ok(text.to_owned()),
+            false => Err("expected EPSG:CODE or well-known text".to_owned()),
+        }
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}
+
+/// A length in units of the data, or with a unit: `0.01`, `100m`, `2km`, `50ft`.
+pub struct LengthText;
+
+impl Codec<Length> for LengthText {
+    const KIND: Kind = Kind::Shaped("float | str");
+
+    fn parse(text: &str) -> Result<Length, String> {
+        let units = ["km", "ft", "m"];
+        let unit =
+            units.into_iter().find_map(|name| Some((text.strip_suffix(name)?, metres_in(name)?)));
+        let (number, unit) = unit.map_or((text, None), |(number, metres)| (number, Some(metres)));
+        match number.trim().parse::<f64>() {
+            Ok(value) if value >= 0.0 && value.is_finite() => Ok(Length { value, unit }),
+            _ => Err("expected a number of 0 or more, alone or with m, km or ft".to_owned()),
+        }
+    }
+
+    fn json(length: &Length) -> Json {
+        match length.unit {
+            None => length.value.into(),
+            Some(metres) => format!("{}m", length.value * metres).into(),
+        }
+    }
+}
+
+/// The name of a type of samples.
+pub struct SampleTypeName;
+
+impl Codec<SampleType> for SampleTypeName {
+    const KIND: Kind = Kind::Choice(|| {
+        let named = |kind: &SampleType| Named { name: kind.name(), about: "" };
+        SampleType::ALL.iter().map(named).collect()
+    });
+
+    fn parse(text: &str) -> Result<SampleType, String> {
+        SampleType::by_name(text.trim()).ok_or_else(|| {
+            let names: Vec<_> = SampleType::ALL.iter().map(|kind| kind.name()).collect();
+            format!("expected one of {}", names.join(", "))
+        })
+    }
+
+    fn json(value: &SampleType) -> Json {
+        value.name().into()
+    }
+}
+
+/// The name of a way to find heights between samples.
+pub struct ResamplingName;
+
+impl Codec<String> for ResamplingName {
+    const KIND: Kind = Kind::Choice(|| {
+        let named = |own: &Resampling| Named { name: own.name, about: own.about };
+        RESAMPLINGS.iter().map(named).collect()
+    });
+
+    fn parse(text: &str) -> Result<String, String> {
+        let found = registry::named(RESAMPLINGS, text);
+        found.map(|own| own.name.to_owned()).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}

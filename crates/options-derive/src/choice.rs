@@ -1,0 +1,56 @@
+//! `#[derive(Choice)]`.
+
+use proc_macro2::TokenStream;
+use quote::quote;
+use syn::{Data, DeriveInput, Error, Fields, Result};
+
+use crate::docs;
+
+pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
+    let name = &input.ident;
+    let Data::Enum(data) = &input.data else {
+        return Err(Error::new_spanned(name, "a choice is an enum"));
+    };
+    let mut choices = Vec::new();
+    for variant in &data.variants {
+        if !matches!(variant.fields, Fields::Unit) {
+            return Err(Error::new_spanned(variant, "a choice holds nothing"));
+        }
+        let (ident, called) = (&variant.ident, dashed(&variant.ident.to_string()));
+        let about = docs::text(&variant.attrs);
+        let about = about.split("\n\n").next().unwrap_or_default();
+        choices.push(
+            quote!((#name::#ident, ::terrane_options::Named { name: #called, about: #about })),
+        );
+    }
+    Ok(quote! {
+        impl ::terrane_options::Choice for #name {
+            const ALL: &'static [(Self, ::terrane_options::Named)] = &[#(#choices),*];
+        }
+
+        impl ::terrane_options::Codec<#name> for ::terrane_options::Plain {
+            const KIND: ::terrane_options::Kind =
+                ::terrane_options::Kind::Choice(<#name as ::terrane_options::Choice>::names);
+
+            fn parse(text: &str) -> ::core::result::Result<#name, ::std::string::String> {
+                <#name as ::terrane_options::Choice>::named(text)
+            }
+
+            fn json(value: &#name) -> ::terrane_options::Json {
+                <#name as ::terrane_options::Choice>::name(*value).into()
+            }
+        }
+    })
+}
+
+/// `ZevenbergenThorne` as `zevenbergen-thorne`.
+fn dashed(variant: &str) -> String {
+    let mut name = String::new();
+    for c in variant.chars() {
+        if c.is_uppercase() && !name.is_empty() {
+            name.push('-');
+        }
+        name.extend(c.to_lowercase());
+    }
+    name
+}

@@ -1,0 +1,24 @@
+//! Derives of `terrane-options`: a struct becomes a table of its fields and a visitor of their values, an enum a list
+//! of choices. They hold no logic: what is done with tables is ordinary code.
+
+mod choice;
+mod docs;
+mod fields;
+
+use proc_macro::TokenStream;
+use syn::{DeriveInput, Error, parse_macro_input};
+
+/// `Options`, `Default` and setters for a struct of options; see the documentation of `terrane-options`.
+#[proc_macro_derive(Options, attributes(options, option))]
+pub fn options(input: TokenStream) -> TokenStream {
+    let input = parse_macro_input!(input as DeriveInput);
+    fields::expand(&input).unwrap_or_else(Error::into_compile_error).into()
+}
+
+/// `Choice` for an enum without fields: each variant is called by its name in lower case with dashes, and documented by
+/// the first paragraph of its comment.
+#[proc_macro_derive(Choice, attributes(choice))]
+pub fn choice(input: TokenStream) -> TokenStream {
+    let input = parse_macro_input!(input as DeriveInput);
+    choice::expand(&input).unwrap_or_else(Error::into_compile_error).into()
+}

@@ -1,0 +1,242 @@
+//! Values as texts and as JSON.
+
+use std::marker::PhantomData;
+
+use serde_json::Value as Json;
+
+use crate::table::{Kind, Named, Shape};
+
+/// How values of a type are written, as texts and as JSON. All that a door is given becomes texts first, so that there is
+/// one way to read a value.
+pub trait Codec<T> {
+    /// What values are.
+    const KIND: Kind;
+    /// How many a field takes.
+    const SHAPE: Shape = Shape::One;
+
+    /// A value from its text.
+    ///
+    /// # Errors
+    /// What was expected instead.
+    fn parse(text: &str) -> Result<T, String>;
+
+    /// A value from all texts that were given: the last one counts, unless values are repeated.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    fn parse_all(texts: &[String]) -> Result<T, String> {
+        Self::parse(texts.last().map_or("", String::as_str))
+    }
+
+    /// A value as JSON, from which [`texts_of`](crate::texts_of) makes the same value.
+    fn json(value: &T) -> Json;
+
+    /// A value as a number, where it is one that a range is for.
+    fn number(_value: &T) -> Option<f64> {
+        None
+    }
+}
+
+/// The usual way to write flags, numbers, texts and choices.
+#[derive(Debug)]
+pub struct Plain;
+
+/// An enum whose values have names.
+pub trait Choice: Copy + PartialEq + 'static {
+    /// All values, with their names.
+    const ALL: &'static [(Self, Named)];
+
+    /// All names.
+    fn names() -> Vec<Named> {
+        Self::ALL.iter().map(|(_, named)| *named).collect()
+    }
+
+    /// Its name.
+    fn name(self) -> &'static str {
+        let named = Self::ALL.iter().find(|(value, _)| *value == self);
+        named.map_or("", |(_, named)| named.name)
+    }
+
+    /// The value of a name, letter case and underscores aside.
+    ///
+    /// # Errors
+    /// The names that there are.
+    fn named(name: &str) -> Result<Self, String> {
+        let wanted = name.trim().to_ascii_lowercase().replace('_', "-");
+        let found = Self::ALL.iter().find(|(_, named)| named.name == wanted);
+        found.map(|(value, _)| *value).ok_or_else(|| {
+            let names: Vec<_> = Self::ALL.iter().map(|(_, named)| named.name).collect();
+            format!("expected {}", names.join(" or "))
+        })
+    }
+}
+
+impl Codec<bool> for Plain {
+    const KIND: Kind = Kind::Flag;
+
+    fn parse(text: &str) -> Result<bool, String> {
+        text.parse().map_err(|_| "expected true or false".to_owned())
+    }
+
+    fn json(value: &bool) -> Json {
+        (*value).into()
+    }
+}
+
+macro_rules! whole {
+    ($($type:ty)*) => {$(
+        impl Codec<$type> for Plain {
+            const KIND: Kind = Kind::Whole;
+
+            fn parse(text: &str) -> Result<$type, String> {
+                text.trim().parse().map_err(|_| {
+                    match text.trim().parse::<f64>() {
+                        Ok(value) if value.fract() == 0.0 => {
+                            format!("expected a whole number from {} to {}", <$type>::MIN, <$type>::MAX)
+                        }
+                        _ => "expected a whole number".to_owned(),
+                    }
+                })
+            }
+
+            fn json(value: &$type) -> Json {
+                (*value).into()
+            }
+
+            fn number(value: &$type) -> Option<f64> {
+                Some(*value as f64)
+            }
+        }
+    )*};
+}
+
+whole!(u8 u16 u32 u64 usize i32 i64);
+
+impl Codec<f64> for Plain {
+    const KIND: Kind = Kind::Number;
+
+    fn parse(text: &str) -> Result<f64, String> {
+        text.trim().parse().map_err(|_| "expected a number".to_owned())
+    }
+
+    /// JSON has no infinite numbers and no NaN: these are texts.
+    fn json(value: &f64) -> Json {
+        if value.is_finite() { (*value).into() } else { value.to_string().into() }
+    }
+
+    fn number(value: &f64) -> Option<f64> {
+        Some(*value)
+    }
+}
+
+impl Codec<String> for Plain {
+    const KIND: Kind = Kind::Text;
+
+    fn parse(text: &str) -> Result<String, String> {
+        if text.is_empty() { Err("expected a text".to_owned()) } else { Ok(text.to_owned()) }
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}
+
+impl<T, C: Codec<T>> Codec<Option<T>> for C {
+    const KIND: Kind = <C as Codec<T>>::KIND;
+    const SHAPE: Shape = Shape::Optional;
+
+    fn parse(text: &str) -> Result<Option<T>, String> {
+        <C as Codec<T>>::parse(text).map(Some)
+    }
+
+    fn json(value: &Option<T>) -> Json {
+        value.as_ref().map_or(Json::Null, <C as Codec<T>>::json)
+    }
+
+    fn number(value: &Option<T>) -> Option<f64> {
+        value.as_ref().and_then(<C as Codec<T>>::number)
+    }
+}
+
+/// Given again and again, each time one more.
+impl<T, C: Codec<T>> Codec<Vec<T>> for C {
+    const KIND: Kind = <C as Codec<T>>::KIND;
+    const SHAPE: Shape = Shape::Repeated;
+
+    fn parse(text: &str) -> Result<Vec<T>, String> {
+        <C as Codec<T>>::parse(text).map(|value| vec![value])
+    }
+
+    fn parse_all(texts: &[String]) -> Result<Vec<T>, String> {
+        texts.iter().map(|text| <C as Codec<T>>::parse(text)).collect()
+    }
+
+    fn json(value: &Vec<T>) -> Json {
+        value.iter().map(<C as Codec<T>>::json).collect()
+    }
+}
+
+/// A value of any type to look at.
+pub trait AnyValue {
+    /// As JSON.
+    fn json(&self) -> Json;
+
+    /// As a number, where it is one.
+    fn number(&self) -> Option<f64>;
+}
+
+/// A value of any type to set.
+pub trait SetValue {
+    /// Sets it from the texts that were given.
+    ///
+    /// # Errors
+    /// What was expected instead.
+    fn set(&mut self, texts: &[String]) -> Result<(), String>;
+}
+
+/// A value that is looked at by way of its codec.
+#[derive(Debug)]
+pub struct Seen<'a, T, C>(&'a T, PhantomData<C>);
+
+impl<'a, T, C> Seen<'a, T, C> {
+    /// Of this value.
+    pub fn new(value: &'a T) -> Self {
+        Self(value, PhantomData)
+    }
+}
+
+impl<T, C: Codec<T>> AnyValue for Seen<'_, T, C> {
+    fn json(&self) -> Json {
+        C::json(self.0)
+    }
+
+    fn number(&self) -> Option<f64> {
+        C::number(self.0)
+    }
+}
+
+/// A value that is set by way of its codec.
+#[derive(Debug)]
+pub struct Settable<'a, T, C>(&'a mut T, PhantomData<C>);
+
+impl<'a, T, C> Settable<'a, T, C> {
+    /// Of this value.
+    pub fn new(value: &'a mut T) -> Self {
+        Self(value, PhantomData)
+    }
+}
+
+impl<T, C: Codec<T>> SetValue for Settable<'_, T, C> {
+    fn set(&mut self, texts: &[String]) -> Result<(), String> {
+        *self.0 = C::parse_all(texts)?;
+        Ok(())
+    }
+}
+
+/// Says what was expected where a text is no value.
+///
+/// # Errors
+/// Those of [`Codec::parse`].
+pub fn check_text<T, C: Codec<T>>(text: &str) -> Result<(), String> {
+    C::parse(text).map(drop)
+}

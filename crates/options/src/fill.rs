@@ -1,0 +1,147 @@
+//! Options from what a door was given, and back.
+
+use serde_json::{Map, Value as Json};
+
+use crate::table::{Field, Kind, Shape};
+use crate::{Options, Table};
+use terrane_base::error::{Error, Result};
+
+/// Options with these values by name, all others at their defaults. A value of `null` is none.
+///
+/// # Errors
+/// Usage: a name of no option (the nearest is told), one twice by an alias, or a value that is none of it.
+pub fn fill<O: Options>(given: &Map<String, Json>) -> Result<O> {
+    let mut options = O::default();
+    let mut taken = Vec::new();
+    for (name, value) in given {
+        let field = O::TABLE.find(name).ok_or_else(|| unknown(O::TABLE, name))?;
+        if value.is_null() {
+            continue;
+        }
+        if taken.contains(&field.name) {
+            return Err(Error::usage(format!("‹{}› is given twice", field.name))
+                .remedy("leave one of them out"));
+        }
+        taken.push(field.name);
+        set_texts(&mut options, field, &texts_of(field, value)?)?;
+    }
+    Ok(options)
+}
+
+/// Sets one option from the texts that were given for it.
+///
+/// # Errors
+/// Usage: texts that are no value of it.
+pub fn set_texts<O: Options>(options: &mut O, field: &Field, texts: &[String]) -> Result<()> {
+    let mut done = Ok(());
+    options.visit_mut(&mut |name, value| {
+        if name == field.name {
+            done = value.set(texts).map_err(|expected| {
+                Error::usage(format!("‹{name}› is {:?}: {expected}", texts.join(" ")))
+            });
+        }
+    });
+    done
+}
+
+/// The texts that a JSON value stands for: those of a list one by one where the option is repeated, else with commas;
+/// those of an object as `KEY=VALUE`.
+///
+/// # Errors
+/// Usage: a value of another kind than the option's.
+pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
+    let wrong = || {
+        let expected = match field.kind {
+            Kind::Flag => "true or false",
+            Kind::Whole => "a whole number",
+            Kind::Number => "a number",
+            _ => "a text",
+        };
+        Error::usage(format!("‹{}› is {value}: expected {expected}", field.name))
+    };
+    let one = |value: &Json| match value {
+        Json::String(text) if !matches!(field.kind, Kind::Flag) => Ok(text.clone()),
+        Json::Number(number) if !matches!(field.kind, Kind::Flag | Kind::Path) => {
+            Ok(number.to_string())
+        }
+        Json::Bool(flag) if matches!(field.kind, Kind::Flag) => Ok(flag.to_string()),
+        _ => Err(wrong()),
+    };
+    match value {
+        Json::Array(all) => {
+            let texts = all.iter().map(one).collect::<Result<Vec<_>>>()?;
+            let is_several = matches!(field.kind, Kind::Shaped(_));
+            match (field.shape, is_several) {
+                (Shape::Repeated, _) => Ok(texts),
+                (_, true) => Ok(vec![texts.join(",")]),
+                _ => Err(wrong()),
+            }
+        }
+        Json::Object(pairs) if field.shape == Shape::Repeated => pairs
+            .iter()
+            .map(|(key, value)| one(value).map(|text| format!("{key}={text}")))
+            .collect(),
+        _ => one(value).map(|text| vec![text]),
+    }
+}
+
+/// All values by name.
+pub fn to_map<O: Options>(options: &O) -> Map<String, Json> {
+    let mut map = Map::new();
+    options.visit(&mut |name, value| {
+        map.insert(name.to_owned(), value.json());
+    });
+    map
+}
+
+/// The values that are not at their defaults, by name.
+pub fn changed<O: Options>(options: &O) -> Map<String, Json> {
+    let usual = to_map(&O::default());
+    to_map(options).into_iter().filter(|(name, value)| usual.get(name) != Some(value)).collect()
+}
+
+/// The error of a name that is none, with the nearest one that is.
+fn unknown(table: &'static Table, name: &str) -> Error {
+    let wanted = name.replace('-', "_");
+    let names = table
+        .fields()
+        .into_iter()
+        .flat_map(|field| std::iter::once(field.name).chain(field.aliases.iter().copied()));
+    let near = names.map(|own| (distance(own, &wanted), own)).min();
+    let error = Error::usage(format!("there is no option {name:?}"));
+    match near {
+        Some((steps, own)) if steps <= own.len() / 3 + 1 => {
+            error.remedy(format!("did you mean ‹{own}›?"))
+        }
+        _ => error.remedy("leave it out"),
+    }
+}
+
+/// How many letters have to be changed, added or taken away (Levenshtein 1965), in time of the product of both lengths.
+fn distance(from: &str, to: &str) -> usize {
+    let to: Vec<char> = to.chars().collect();
+    let mut row: Vec<usize> = (0..=to.len()).collect();
+    for (i, letter) in from.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in to.iter().enumerate() {
+            let changed = diagonal + usize::from(letter != *other);
+            diagonal = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[to.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::distance;
+
+    #[test]
+    fn names_are_as_far_apart_as_letters_differ() {
+        for (from, to, steps) in
+            [("fit", "fit", 0), ("fit", "fits", 1), ("", "abc", 3), ("kitten", "sitting", 3)]
+        {
+            assert_eq!((distance(from, to), distance(to, from)), (steps, steps));
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! What an option is, said once: name, meaning, default, range, and what it goes with. Each door (the command line, Rust,
+//! Python, the manifest of a plan) reads that from one table.
+//!
+//! A struct of options derives [`Options`]. The derive holds no logic: it makes a constant [`Table`] of the fields and a
+//! visitor of their values, and all else here is ordinary code over these two.
+//!
+//! ```
+//! use terrane_options::{Options, Range, Rule, check, fill};
+//!
+//! /// Shade the ground.
+//! #[derive(Clone, Debug, PartialEq, Options)]
+//! #[options(rules = RULES)]
+//! struct ShadeOptions {
+//!     /// Direction of the light, in degrees clockwise from north
+//!     #[option(value = "DEG", usual = "315")]
+//!     azimuth: Option<f64>,
+//!     /// Height of the light above the horizon, in degrees
+//!     #[option(value = "DEG", default = 45.0, range = Range::new(1.0, 90.0))]
+//!     altitude: f64,
+//!     /// Light from four directions
+//!     multidirectional: bool,
+//! }
+//!
+//! const RULES: &[Rule] = &[Rule::NotWith("azimuth", &["multidirectional"])];
+//!
+//! let given = serde_json::json!({ "azimuth": 90, "multidirectional": true });
+//! let options: ShadeOptions = fill(given.as_object().unwrap()).unwrap();
+//! assert_eq!((options.azimuth, options.altitude), (Some(90.0), 45.0));
+//! let error = check(&options).unwrap_err();
+//! assert!(error.to_string().starts_with("‹azimuth› cannot be used with ‹multidirectional›"));
+//! ```
+//!
+//! `#[options(rules = ..)]` says which options go together; a rule that names none fails to compile.
+//!
+//! # Attributes of fields
+//!
+//! | `#[option(..)]` | says |
+//! |---|---|
+//! | `value = "DEG"` | what stands for the value in help |
+//! | `default = 45.0`, `usual = "all cores"` | the default, where it is not that of the type; how it is told where that depends on the machine or the data |
+//! | `range = Range::POSITIVE` | least and largest value |
+//! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | the name where it cannot be that of the field, others, and a letter |
+//! | `with = PathName` | the [`Codec`] of the value, where it is not [`Plain`] |
+//! | `heading = "Output"` | the section of help; `#[options(heading = ..)]` is for all fields of a struct |
+//! | `off = ".."` | of a flag that is on: what turning it off does |
+//! | `role = Reads` | what the value is to the engine, see [`Role`] |
+//! | `positional` | a name before that of the output on the command line, and an argument without a keyword in Python |
+//! | `flatten` | a group: the fields of that struct are as if they were of this one |
+
+// The derives name this crate.
+extern crate self as terrane_options;
+
+mod codec;
+mod fill;
+mod rules;
+mod table;
+
+pub use codec::{AnyValue, Choice, Codec, Plain, Seen, SetValue, Settable, check_text};
+pub use fill::{changed, fill, set_texts, texts_of, to_map};
+pub use rules::{Rule, assert_rules, check};
+pub use serde_json::Value as Json;
+pub use table::{Entry, Field, Kind, Named, Range, Role, Shape, Table};
+pub use terrane_options_derive::{Choice, Options};
+
+/// Looks at a value and the name of its field.
+pub type Visit<'a> = dyn FnMut(&'static str, &dyn AnyValue) + 'a;
+/// The same to change it.
+pub type VisitMut<'a> = dyn FnMut(&'static str, &mut dyn SetValue) + 'a;
+
+/// A struct of options; derived, never written by hand.
+pub trait Options: Default {
+    /// All that is said of the fields.
+    const TABLE: &'static Table;
+
+    /// Looks at all values, those of groups among them, in the order of the table.
+    fn visit(&self, visit: &mut Visit<'_>);
+
+    /// The same to change them.
+    fn visit_mut(&mut self, visit: &mut VisitMut<'_>);
+}

@@ -1,0 +1,139 @@
+//! What goes with what, and in which range: checked once, for all doors.
+
+use serde_json::{Map, Value as Json};
+
+use crate::{Kind, Options, Table, to_map};
+use terrane_base::error::{Error, Result};
+
+/// What options go with what. A term is the name of an option that is not at its default, or `name=value`.
+#[derive(Clone, Copy, Debug)]
+pub enum Rule {
+    /// Exactly one of these, which say what the second field names.
+    OneOf(&'static [&'static str], &'static str),
+    /// The first one cannot be used with any of the others.
+    NotWith(&'static str, &'static [&'static str]),
+    /// The first one acts with one of the others only.
+    Needs(&'static str, &'static [&'static str]),
+}
+
+/// Fails to compile where a rule names an option that there is not; for a `const` block.
+///
+/// # Panics
+/// There, and only when compiled.
+pub const fn assert_rules(table: &Table) {
+    let (rules, mut i) = (table.rules, 0);
+    while i < rules.len() {
+        let (first, others) = match &rules[i] {
+            Rule::OneOf(names, _) => (names[0], *names),
+            Rule::NotWith(name, others) | Rule::Needs(name, others) => (*name, *others),
+        };
+        assert!(table.has(name_of(first)), "a rule names no option");
+        let mut k = 0;
+        while k < others.len() {
+            assert!(table.has(name_of(others[k])), "a rule names no option");
+            k += 1;
+        }
+        i += 1;
+    }
+}
+
+/// The name of a term.
+const fn name_of(term: &str) -> &str {
+    let bytes = term.as_bytes();
+    let mut i = 0;
+    while i < bytes.len() {
+        if bytes[i] == b'=' {
+            return term.split_at(i).0;
+        }
+        i += 1;
+    }
+    term
+}
+
+/// Fails where a number is out of its range, or options do not go together.
+///
+/// # Errors
+/// Usage: both are named.
+pub fn check<O: Options>(options: &O) -> Result<()> {
+    let fields = O::TABLE.fields();
+    let mut found = Ok(());
+    options.visit(&mut |name, value| {
+        let range = fields.iter().find(|field| field.name == name).and_then(|field| field.range);
+        let (Some(range), Some(number)) = (range, value.number()) else { return };
+        if found.is_ok() && !range.contains(number) {
+            found = Err(Error::usage(format!("‹{name}› is {number}: expected {}", range.text())));
+        }
+    });
+    found?;
+    let given = Given { table: O::TABLE, now: to_map(options), usual: to_map(&O::default()) };
+    O::TABLE.rules().into_iter().try_for_each(|rule| given.check(rule))
+}
+
+struct Given {
+    table: &'static Table,
+    now: Map<String, Json>,
+    usual: Map<String, Json>,
+}
+
+impl Given {
+    /// Whether a term is so.
+    fn is(&self, term: &str) -> bool {
+        match term.split_once('=') {
+            Some((name, value)) => {
+                self.now.get(name).is_some_and(|now| *now == *value || now.to_string() == value)
+            }
+            None => self.now.get(term) != self.usual.get(term),
+        }
+    }
+
+    /// Options to add; of a single one that is a choice, with what there is to choose.
+    fn offered(&self, names: &[&str]) -> String {
+        match (names, names.first().and_then(|name| self.table.find(name)).map(|own| own.kind)) {
+            ([_], Some(Kind::Choice(choices))) => {
+                let choices: Vec<&str> = choices().iter().map(|own| own.name).collect();
+                format!("{} ({})", listed(names), choices.join(", "))
+            }
+            _ => listed(names),
+        }
+    }
+
+    fn check(&self, rule: &Rule) -> Result<()> {
+        match *rule {
+            Rule::OneOf(names, what) => {
+                let given: Vec<&str> = names.iter().copied().filter(|name| self.is(name)).collect();
+                match given.as_slice() {
+                    [] => Err(Error::usage(format!("no {what} given"))
+                        .remedy(format!("pass {}", listed(names)))),
+                    [_] => Ok(()),
+                    [first, second, ..] => Err(together(first, second)),
+                }
+            }
+            Rule::NotWith(name, others) => match others.iter().find(|other| self.is(other)) {
+                Some(other) if self.is(name) => Err(together(name, other)),
+                _ => Ok(()),
+            },
+            Rule::Needs(name, others) => {
+                match !self.is(name) || others.iter().any(|o| self.is(o)) {
+                    true => Ok(()),
+                    false => {
+                        Err(Error::usage(format!("‹{name}› cannot act without {}", listed(others)))
+                            .remedy(format!("add {}, or leave ‹{name}› out", self.offered(others))))
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn together(name: &str, other: &str) -> Error {
+    Error::usage(format!("‹{name}› cannot be used with ‹{other}›")).remedy("leave one of them out")
+}
+
+/// `‹a›, ‹b› or ‹c›`.
+fn listed(names: &[&str]) -> String {
+    let names: Vec<String> = names.iter().map(|name| format!("‹{name}›")).collect();
+    match names.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+        _ => names.join(""),
+    }
+}

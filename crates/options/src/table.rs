@@ -1,0 +1,213 @@
+//! Tables of fields.
+
+use crate::Rule;
+
+/// A named value of a choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Named {
+    /// Its name, in lower case with dashes.
+    pub name: &'static str,
+    /// What it means, in a line.
+    pub about: &'static str,
+}
+
+/// What values of a field are.
+#[derive(Clone, Copy, Debug)]
+pub enum Kind {
+    /// On or off.
+    Flag,
+    /// A whole number.
+    Whole,
+    /// A number.
+    Number,
+    /// A text.
+    Text,
+    /// The name of a file or folder.
+    Path,
+    /// One of some names.
+    Choice(fn() -> Vec<Named>),
+    /// A text of a form of its own, such as `xmin,ymin,xmax,ymax`; what Python may have in its place.
+    Shaped(&'static str),
+}
+
+/// How many values a field takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// One, which has a default.
+    One,
+    /// One or none.
+    Optional,
+    /// Any number, one after the other.
+    Repeated,
+}
+
+/// What a field is to the engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The result depends on its value.
+    Result,
+    /// The name of a file that is read, on which the result depends.
+    Reads,
+    /// It says what a run may use or replace, and nothing of the result.
+    Run,
+}
+
+/// The least and the largest value, both allowed unless they are bounds alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// The least one; a value has to be above it where it is `open`.
+    pub least: f64,
+    /// The largest one.
+    pub most: f64,
+    /// True where the least itself is not allowed.
+    pub open: bool,
+}
+
+impl Range {
+    /// Numbers above zero.
+    pub const POSITIVE: Self = Self { least: 0.0, most: f64::MAX, open: true };
+    /// Any finite number.
+    pub const FINITE: Self = Self { least: f64::MIN, most: f64::MAX, open: false };
+
+    /// From the least to the largest value, both included.
+    pub const fn new(least: f64, most: f64) -> Self {
+        Self { least, most, open: false }
+    }
+
+    /// True for a value in it.
+    pub fn contains(&self, value: f64) -> bool {
+        value <= self.most && if self.open { value > self.least } else { value >= self.least }
+    }
+
+    /// What was expected, in words.
+    pub fn text(&self) -> String {
+        let Self { least, most, open } = *self;
+        match (least == f64::MIN, most == f64::MAX, open) {
+            (true, true, _) => "a number".to_owned(),
+            (false, true, true) if least == 0.0 => "a number above zero".to_owned(),
+            (false, true, false) if least == 0.0 => "a number of zero or more".to_owned(),
+            (false, true, true) => format!("a number above {least}"),
+            (false, true, false) => format!("a number from {least} on"),
+            (true, false, _) => format!("a number of at most {most}"),
+            (false, false, _) => format!("a number from {least} to {most}"),
+        }
+    }
+}
+
+/// All that is said of an option.
+#[derive(Debug)]
+pub struct Field {
+    /// Its name: that of the field unless told otherwise.
+    pub name: &'static str,
+    /// Other names of it.
+    pub aliases: &'static [&'static str],
+    /// A letter for the command line.
+    pub short: Option<char>,
+    /// What it means.
+    pub about: &'static str,
+    /// What turning a flag off does that is on.
+    pub off: Option<&'static str>,
+    /// True for a name among those of inputs and output.
+    pub positional: bool,
+    /// The section of help that it stands in.
+    pub heading: &'static str,
+    /// What stands for its value in help.
+    pub value: Option<&'static str>,
+    /// The default in words.
+    pub usual: Option<&'static str>,
+    /// The values of numbers.
+    pub range: Option<Range>,
+    /// What it is to the engine.
+    pub role: Role,
+    /// What its values are.
+    pub kind: Kind,
+    /// How many it takes.
+    pub shape: Shape,
+    /// Says what was expected where a text is no value of it.
+    pub check: fn(&str) -> Result<(), String>,
+}
+
+/// A field, or the fields of a group.
+#[derive(Debug)]
+pub enum Entry {
+    /// A field.
+    Field(Field),
+    /// All fields of another table.
+    Group(&'static Table),
+}
+
+/// The fields of a struct.
+#[derive(Debug)]
+pub struct Table {
+    /// What the struct is for.
+    pub about: &'static str,
+    /// Its fields, in their order.
+    pub entries: &'static [Entry],
+    /// What of them goes with what.
+    pub rules: &'static [Rule],
+}
+
+impl Table {
+    /// All fields, those of groups among them.
+    pub fn fields(&'static self) -> Vec<&'static Field> {
+        let mut fields = Vec::new();
+        self.collect(&mut fields);
+        fields
+    }
+
+    /// All rules, those of groups among them.
+    pub fn rules(&'static self) -> Vec<&'static Rule> {
+        let groups = self.entries.iter().filter_map(|entry| match entry {
+            Entry::Field(_) => None,
+            Entry::Group(table) => Some(table.rules()),
+        });
+        self.rules.iter().chain(groups.flatten()).collect()
+    }
+
+    fn collect(&'static self, fields: &mut Vec<&'static Field>) {
+        for entry in self.entries {
+            match entry {
+                Entry::Field(field) => fields.push(field),
+                Entry::Group(table) => table.collect(fields),
+            }
+        }
+    }
+
+    /// The field of this name or alias; dashes count as underscores.
+    pub fn find(&'static self, name: &str) -> Option<&'static Field> {
+        let name = name.replace('-', "_");
+        let is_it = |field: &&Field| field.name == name || field.aliases.contains(&name.as_str());
+        self.fields().into_iter().find(is_it)
+    }
+
+    /// Whether a field has this name, for rules that are checked when they are compiled.
+    pub(crate) const fn has(&self, name: &str) -> bool {
+        let mut i = 0;
+        while i < self.entries.len() {
+            let found = match &self.entries[i] {
+                Entry::Field(field) => is_same(field.name, name),
+                Entry::Group(table) => table.has(name),
+            };
+            if found {
+                return true;
+            }
+            i += 1;
+        }
+        false
+    }
+}
+
+const fn is_same(a: &str, b: &str) -> bool {
+    let (a, b) = (a.as_bytes(), b.as_bytes());
+    if a.len() != b.len() {
+        return false;
+    }
+    let mut i = 0;
+    while i < a.len() {
+        if a[i] != b[i] {
+            return false;
+        }
+        i += 1;
+    }
+    true
+}

@@ -1,0 +1,119 @@
+//! The command line of a table of options.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser, ValueParser};
+use clap::error::ErrorKind;
+use clap::{Arg, ArgAction, ArgMatches, Command, ValueHint};
+use terrane_options::{Field, Kind, Options, Range, Shape, set_texts, to_map};
+
+use crate::cli::shared::names;
+use crate::door::Door;
+
+/// Options within arguments of clap.
+#[derive(Clone, Debug)]
+pub(crate) struct Tabled<O>(pub(crate) O);
+
+impl<O: Options> clap::Args for Tabled<O> {
+    fn augment_args(command: Command) -> Command {
+        let usual = to_map(&O::default());
+        let fields = O::TABLE.fields().into_iter().filter(|field| !field.positional);
+        fields.fold(command, |command, field| command.arg(argument(field, &usual[field.name])))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl<O: Options> clap::FromArgMatches for Tabled<O> {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let mut options = O::default();
+        for field in O::TABLE.fields().into_iter().filter(|field| !field.positional) {
+            let texts = given(field, matches);
+            if !texts.is_empty() {
+                set_texts(&mut options, field, &texts).map_err(|error| {
+                    let text = Door::CommandLine.spell(&error.to_string()).into_owned();
+                    clap::Error::raw(ErrorKind::ValueValidation, text)
+                })?;
+            }
+        }
+        Ok(Self(options))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The texts that were given for an option.
+fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> {
+    match field.kind {
+        Kind::Flag if matches.get_flag(field.name) => vec![field.off.is_none().to_string()],
+        Kind::Flag => Vec::new(),
+        _ => matches.get_many(field.name).into_iter().flatten().cloned().collect(),
+    }
+}
+
+fn argument(field: &'static Field, usual: &serde_json::Value) -> Arg {
+    let long = field.name.replace('_', "-");
+    let long = if field.off.is_some() { format!("no-{long}") } else { long };
+    let mut argument = Arg::new(field.name).long(long).help(help(field, usual));
+    if field.heading != "Options" {
+        argument = argument.help_heading(field.heading);
+    }
+    if let Some(letter) = field.short {
+        argument = argument.short(letter);
+    }
+    // GDAL's names of some have underscores.
+    argument = argument.aliases(field.aliases.iter().copied().filter(|alias| alias.contains('_')));
+    argument = argument.visible_aliases(field.aliases.iter().map(|alias| alias.replace('_', "-")));
+    let Kind::Flag = field.kind else {
+        let action = match field.shape {
+            Shape::Repeated => ArgAction::Append,
+            Shape::One | Shape::Optional => ArgAction::Set,
+        };
+        let argument = argument.value_name(field.value.unwrap_or("VALUE")).action(action);
+        return of_values(field, argument);
+    };
+    argument.action(ArgAction::SetTrue)
+}
+
+/// What values an argument takes.
+fn of_values(field: &'static Field, argument: Arg) -> Arg {
+    match field.kind {
+        Kind::Choice(choices) => {
+            let values = choices().into_iter();
+            let values = values.map(|own| PossibleValue::new(own.name).help(own.about));
+            argument.value_parser(PossibleValuesParser::new(values))
+        }
+        Kind::Path => argument.value_hint(ValueHint::FilePath).value_parser(names::any()),
+        Kind::Number | Kind::Shaped(_) => {
+            argument.allow_hyphen_values(true).value_parser(checked(field))
+        }
+        Kind::Flag | Kind::Whole | Kind::Text => argument.value_parser(checked(field)),
+    }
+}
+
+/// A text that is a value of the option.
+fn checked(field: &'static Field) -> ValueParser {
+    ValueParser::new(names::any().try_map(move |text| {
+        (field.check)(&text)?;
+        let out = |range: &Range| text.trim().parse().is_ok_and(|value| !range.contains(value));
+        match field.range.filter(out) {
+            Some(range) => Err(format!("expected {}", range.text())),
+            None => Ok(text),
+        }
+    }))
+}
+
+/// What an option means, and its default.
+fn help(field: &Field, usual: &serde_json::Value) -> String {
+    let about = Door::CommandLine.spell(field.off.unwrap_or(field.about)).into_owned();
+    let default = match (field.usual, field.shape, field.kind) {
+        (Some(words), ..) => words.to_owned(),
+        (None, _, Kind::Flag) | (None, Shape::Optional | Shape::Repeated, _) => return about,
+        (None, Shape::One, _) if usual == &serde_json::json!([]) => return about,
+        (None, Shape::One, _) => usual.as_str().map_or_else(|| usual.to_string(), str::to_owned),
+    };
+    format!("{about} [default: {default}]")
+}

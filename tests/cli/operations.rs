@@ -1,0 +1,283 @@
+//! Every option of every operation through every door, by the table of its options: what the command line writes is what
+//! the library writes, and what is refused by one is refused by the other, in its own words.
+
+use serde_json::{Map, Value as Json, json};
+use terrane::{Cancel, Grid, Listed, OPERATIONS, Silent};
+use terrane_base::door::Door;
+use terrane_options::{Field, Kind, Rule, Shape, texts_of};
+
+use crate::cli_support::Place;
+
+const TERRAIN: &str = "synth:rough,size=90,seed=3";
+
+/// A value of each option that is not its default, and what else an operation needs for it to act.
+///
+/// A new option without a line here fails the test.
+const VALUES: &[(&str, &str, &str)] = &[
+    ("algorithm", "\"zevenbergen-thorne\"", "{}"),
+    ("alpha", "true", "{}"),
+    ("altitude", "30", "{}"),
+    ("attribute", "\"height\"", "{}"),
+    ("azimuth", "45.5", "{}"),
+    ("band", "2", "{}"),
+    ("base", "-0.5", "{}"),
+    ("bounds", "[500100, 4749500, 500600, 4749900]", "{}"),
+    ("clip", "\"area.wkt\"", "{}"),
+    ("co", "[\"COMPRESS=DEFLATE\", \"PREDICTOR=1\"]", "{\"format\": \"GTiff\"}"),
+    ("colors", "\"other.txt\"", "{}"),
+    ("combined", "true", "{}"),
+    ("compute_edges", "true", "{}"),
+    ("exact", "true", "{}"),
+    ("extent", "[500100, 4749500, 500600, 4749900]", "{\"resampling\": \"near\"}"),
+    ("format", "", "{}"),
+    ("geoid", "\"geoid.gtx\"", "{\"to_crs\": \"EPSG:4979\"}"),
+    ("index", "4", "{}"),
+    ("interval", "3.5", "{}"),
+    ("kind", "\"profile\"", "{}"),
+    ("levels", "[10, -2.5, 20]", "{\"interval\": null}"),
+    ("like", "\"like.asc\"", "{\"resampling\": \"cubic\"}"),
+    ("memory", "\"64M\"", "{}"),
+    ("multidirectional", "true", "{}"),
+    ("nearest", "true", "{}"),
+    ("nodata", "0", "{}"),
+    ("out_nodata", "-1", "{\"format\": \"GTiff\"}"),
+    ("overwrite", "true", "{}"),
+    ("percent", "true", "{}"),
+    ("resampling", "\"bilinear\"", "{\"resolution\": 25}"),
+    ("resolution", "[20, 30]", "{\"resampling\": \"near\"}"),
+    ("round", "true", "{\"type\": \"int16\"}"),
+    ("scale", "2.5", "{}"),
+    ("shift_grid", "\"shifts.gsb\"", "{\"to_crs\": \"EPSG:4258\"}"),
+    ("temp_dir", "\"spills\"", "{}"),
+    ("threads", "1", "{}"),
+    ("tile", "32", "{}"),
+    ("to_crs", "\"EPSG:4326\"", "{}"),
+    ("tolerance", "\"12.5m\"", "{}"),
+    ("type", "\"float64\"", "{}"),
+    ("water", "\"lake.wkt\"", "{}"),
+    ("wilson", "true", "{}"),
+    ("with_z", "true", "{}"),
+    ("z_factor", "3", "{}"),
+    ("zero_for_flat", "true", "{}"),
+];
+
+/// Options that cannot be tried here, with the reason.
+const UNTRIED: &[(&str, &str)] = &[
+    ("shift_grid", "needs a grid of shifts, see geoids and crs_matrix"),
+    ("geoid", "needs a geoid, see geoids"),
+];
+
+/// What options an operation needs to run at all.
+fn needed(operation: &Listed) -> Map<String, Json> {
+    let needed = match operation.name {
+        "color-relief" => json!({ "colors": "colors.txt" }),
+        "contour" => json!({ "interval": 10 }),
+        _ => json!({}),
+    };
+    needed.as_object().unwrap().clone()
+}
+
+/// The file that an operation writes.
+fn output(operation: &Listed, options: &Map<String, Json>) -> &'static str {
+    match (operation.name, options.get("format").and_then(Json::as_str)) {
+        ("contour", Some("FlatGeobuf")) => "out.fgb",
+        ("contour", _) => "out.geojson",
+        (_, Some("AAIGrid")) => "out.asc",
+        _ => "out.tif",
+    }
+}
+
+/// A value of an option, and the options to go with it; none where it cannot be tried.
+fn tried(operation: &Listed, field: &Field) -> Option<Map<String, Json>> {
+    if UNTRIED.iter().any(|(name, _)| *name == field.name) {
+        return None;
+    }
+    let (_, value, others) =
+        VALUES.iter().find(|(name, ..)| *name == field.name).unwrap_or_else(|| {
+            panic!("{} of {} has no value in this test", field.name, operation.name)
+        });
+    let value = match (field.name, operation.name) {
+        ("format", "contour") => json!("FlatGeobuf"),
+        ("format", "color-relief") => json!("COG"),
+        ("format", _) => json!("AAIGrid"),
+        _ => serde_json::from_str(value).unwrap(),
+    };
+    let mut options = needed(operation);
+    let others: Map<String, Json> = serde_json::from_str(others).unwrap();
+    options.extend(others);
+    if (field.name, operation.name) == ("to_crs", "convert") {
+        options.insert("resampling".to_owned(), json!("near"));
+    }
+    options.insert(field.name.to_owned(), value);
+    Some(options)
+}
+
+/// Options as the command line has them; names go before the output.
+fn arguments(operation: &Listed, options: &Map<String, Json>) -> (Vec<String>, Vec<String>) {
+    let (mut names, mut arguments) = (Vec::new(), Vec::new());
+    for (name, value) in options.iter().filter(|(_, value)| !value.is_null()) {
+        let field = operation.table.find(name).unwrap();
+        let long = Door::CommandLine.spell(&format!("‹{name}›")).into_owned();
+        let texts = texts_of(field, value).unwrap();
+        match (field.positional, field.kind, field.shape) {
+            (true, ..) => names.extend(texts),
+            (_, Kind::Flag, _) => arguments.push(long),
+            (.., Shape::Repeated) => {
+                arguments.extend(texts.into_iter().flat_map(|text| [long.clone(), text]));
+            }
+            _ => arguments.extend(texts.into_iter().flat_map(|text| [long.clone(), text])),
+        }
+    }
+    (names, arguments)
+}
+
+/// The same with paths that lead there from anywhere.
+fn in_place(place: &Place, operation: &Listed, options: &Map<String, Json>) -> Map<String, Json> {
+    let absolute = |(name, value): (&String, &Json)| {
+        let is_path = matches!(operation.table.find(name).unwrap().kind, Kind::Path);
+        let value = match value.as_str() {
+            Some(file) if is_path => place.path(file).to_str().unwrap().into(),
+            _ => value.clone(),
+        };
+        (name.clone(), value)
+    };
+    options.iter().map(absolute).collect()
+}
+
+fn place() -> Place {
+    let place = Place::new();
+    let grid: String = (0..40)
+        .map(|row| (0..40).map(|col| format!("{} ", row * col % 97)).collect::<String>() + "\n")
+        .collect();
+    let head =
+        |low: u32| format!("ncols 40\nnrows 40\nxllcorner {low}\nyllcorner 4749300\ncellsize 12\n");
+    place.write("like.asc", head(500_200) + &grid).write("like.prj", "EPSG:32631");
+    place.write("colors.txt", "0% 0 0 90\n50% 10 200 30\n100% 250 240 130\n");
+    place.write("other.txt", "0 1 2 3\n30 200 100 50 128\n60 9 9 9\nnv 1 1 1 0\n");
+    let square = "POLYGON ((500200 4749900, 500700 4749900, 500700 4749400, 500200 4749900))";
+    for name in ["area", "lake"] {
+        place.write(&format!("{name}.wkt"), square);
+        place.write(&format!("{name}.prj"), "EPSG:32631");
+    }
+    std::fs::create_dir(place.path("spills")).unwrap();
+    place
+}
+
+/// A grid of two bands, since bands other than the first are an option.
+fn two_bands(place: &Place) {
+    place.ok(&["synth", "cloud,size=60,density=4,seed=5", "cloud.las", "-q"]);
+    place.ok(&["grid", "cloud.las", "bands.tif", "--cell", "1", "--stat", "max,min", "-q"]);
+}
+
+#[test]
+fn each_option_does_the_same_at_each_door() {
+    let place = place();
+    two_bands(&place);
+    for operation in OPERATIONS {
+        let usual = write_both(&place, operation, &needed(operation), TERRAIN);
+        for field in operation.table.fields() {
+            let Some(options) = tried(operation, field) else { continue };
+            let is_of_files = ["band", "nodata"].contains(&field.name);
+            let input = if is_of_files { "bands.tif" } else { TERRAIN };
+            let written = write_both(&place, operation, &options, input);
+            let is_seen = written != usual
+                || ["overwrite", "memory", "threads", "temp_dir", "tile"].contains(&field.name);
+            // A terrain has no level ground, and metres lead to one direction in any unit.
+            let may_be_unseen = [("aspect", "zero_for_flat"), ("aspect", "scale")];
+            let may_be_unseen = may_be_unseen.contains(&(operation.name, field.name));
+            assert!(
+                is_seen || may_be_unseen,
+                "{} of {} changes nothing",
+                field.name,
+                operation.name
+            );
+        }
+    }
+}
+
+/// What an operation writes, which both doors agree on.
+fn write_both(
+    place: &Place,
+    operation: &Listed,
+    options: &Map<String, Json>,
+    input: &str,
+) -> Vec<u8> {
+    let name = output(operation, options);
+    let (names, arguments) = arguments(operation, options);
+    let mut words = vec![operation.name, input];
+    words.extend(names.iter().map(String::as_str));
+    words.push(name);
+    words.extend(arguments.iter().map(String::as_str));
+    words.push("--json");
+    let told: Json = serde_json::from_str(&place.ok(&words).out).unwrap();
+    let by_command_line = place.bytes(name);
+    let output = place.path(name);
+    std::fs::remove_file(&output).unwrap();
+    let input = if input == TERRAIN {
+        input.to_owned()
+    } else {
+        place.path(input).to_str().unwrap().to_owned()
+    };
+    let grid: Grid = terrane::open(input).unwrap();
+    let options = in_place(place, operation, options);
+    let report = grid.run(operation, &output, &options, &Silent, &Cancel::default()).unwrap();
+    let by_library = place.bytes(name);
+    std::fs::remove_file(&output).unwrap();
+    assert!(by_command_line == by_library, "{words:?}");
+    assert_eq!(told["output_bytes"], report["output_bytes"], "{words:?}");
+    by_library
+}
+
+#[test]
+fn what_does_not_go_together_is_refused_at_each_door_before_anything_is_read() {
+    let place = place();
+    let mut tried = 0;
+    for operation in OPERATIONS {
+        for rule in operation.table.rules() {
+            let Rule::NotWith(name, others) = rule else { continue };
+            for other in *others {
+                refuse_both(&place, operation, name, other);
+                tried += 1;
+            }
+        }
+    }
+    assert!(tried >= 7, "{tried}");
+}
+
+fn refuse_both(place: &Place, operation: &Listed, name: &str, other: &str) {
+    let options = [name, other]
+        .into_iter()
+        .flat_map(|name| tried(operation, operation.table.find(name).unwrap()).unwrap_or_default());
+    let mut options: Map<String, Json> = options.collect();
+    // What lines are drawn at is said once.
+    if [name, other].contains(&"levels") && ![name, other].contains(&"interval") {
+        options.remove("interval");
+    }
+    let together = format!("‹{name}› cannot be used with ‹{other}›");
+    let (names, arguments) = arguments(operation, &options);
+    let mut words = vec![operation.name, TERRAIN];
+    words.extend(names.iter().map(String::as_str));
+    words.push(output(operation, &options));
+    words.extend(arguments.iter().map(String::as_str));
+    place.fails(&words, 2, &[&Door::CommandLine.spell(&together)]);
+    options = in_place(place, operation, &options);
+    let grid = terrane::open(TERRAIN).unwrap();
+    let path = place.path("none.tif");
+    let error = grid.run(operation, &path, &options, &Silent, &Cancel::default()).unwrap_err();
+    assert!(error.to_string().starts_with(&together), "{error}");
+    assert!(!path.exists());
+}
+
+#[test]
+fn names_that_are_none_suggest_the_nearest() {
+    let place = place();
+    let place_of = |name: &str| place.path(name);
+    let grid = terrane::open(TERRAIN).unwrap();
+    let slope = OPERATIONS.iter().find(|operation| operation.name == "slope").unwrap();
+    let given = json!({ "percnt": true });
+    let given = given.as_object().unwrap();
+    let error = grid.run(slope, &place_of("a.tif"), given, &Silent, &Cancel::default());
+    assert!(error.unwrap_err().to_string().ends_with("did you mean ‹percent›?"));
+    place.fails(&["slope", TERRAIN, "a.tif", "--percnt"], 2, &["--percent"]);
+    place.fails(&["slpoe", TERRAIN, "a.tif"], 2, &["'slope'"]);
+}

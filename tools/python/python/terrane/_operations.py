@@ -1,0 +1,180 @@
+"""Operations on grids that write a file: a function for each, made from the table of its options, which the command line and
+Rust read, too. What editors and type checkers see is in `_operations.pyi`, which `stub` writes."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import tempfile
+import textwrap
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from terrane import _terrane
+from terrane._errors import refuse_existing, usage
+from terrane._lines import Lines, sorted_lines
+from terrane._settings import settings
+from terrane._source import crs_text, opened
+
+# What says how the grid is read, with what only Python has; all else is an option of the operation.
+SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
+OF_SOURCE = {
+    "transform": "Where an array lies, in rasterio's order",
+    "crs": "The reference system of an array: text, a code, or one of pyproj or rasterio",
+    "progress": "A function of the stage, what is done and the total, or tqdm",
+}
+ANY = {"clip": "Features | None", "water": "Features | None", "to_crs": "Any", "output": "Path | None"}
+
+
+@cache
+def tables() -> dict[str, Any]:
+    """All operations by name, with what is said of their options."""
+    told: dict[str, Any] = _terrane.operations()
+    return told
+
+
+def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, Any]:
+    """Runs an operation with all keywords that were given."""
+    reading = {key: options.pop(key) for key in SOURCE if key in options}
+    progress = settings(None, None, options.pop("progress", None))
+    if options.get("to_crs") is not None:
+        options["to_crs"] = crs_text(options["to_crs"])
+    refuse_existing(os.fspath(path), bool(options.get("overwrite")))
+    with opened(src, **reading) as (grid, _):
+        return grid.run(name, os.fspath(path), options, progress)
+
+
+def written(name: str) -> Callable[..., dict[str, Any]]:
+    """The function of an operation that writes a file."""
+    before = [option["name"] for option in tables()[name]["options"] if option["positional"]]
+
+    def function(src: Any, *names: Any, **options: Any) -> dict[str, Any]:
+        if "path" in options:
+            names = (*names, options.pop("path"))
+        options.update(zip(before, names, strict=False))
+        if len(names) != len(before) + 1:
+            raise usage(f"{function.__name__} takes src, {', '.join([*before, 'path'])} and keywords")
+        return run(name, src, names[-1], options)
+
+    return documented(function, name)
+
+
+def contour(
+    src: Any, interval: float | None = None, *, output: Any = None, **options: Any
+) -> Lines | dict[str, Any]:
+    """Lines in memory, unless there is an output."""
+    options["interval"] = interval
+    if output is not None:
+        return run("contour", src, output, options)
+    with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+        path = os.path.join(folder, "lines.fgb")
+        run("contour", src, path, options)
+        found = _terrane.read_lines(path, options.get("attribute") or "elev")
+    coordinates, offsets, values, crs = found
+    order = np.lexsort((np.arange(len(values)), values))
+    if not np.array_equal(order, np.arange(len(order))):
+        coordinates, offsets, values = sorted_lines(coordinates, offsets, values, order)
+    return Lines(coordinates, offsets, values, crs)
+
+
+def parameters(name: str) -> list[inspect.Parameter]:
+    """The parameters of the function of an operation: the source, names, and keywords."""
+    kinds = inspect.Parameter
+    options = {option["name"]: option for option in tables()[name]["options"]}
+
+    def parameter(name: str, kind: Any, default: Any = kinds.empty) -> inspect.Parameter:
+        option = options.pop(name, {"type": "Any"})
+        annotation = ANY.get(name, option["type"])
+        return kinds(name, kind, default=option.get("default", default), annotation=annotation)
+
+    names = [name for name, option in options.items() if option["positional"]]
+    found = [kinds(name, kinds.POSITIONAL_OR_KEYWORD, annotation="Any") for name in ["src", *names]]
+    for key in names:
+        del options[key]
+    if name == "contour":
+        found.append(parameter("interval", kinds.POSITIONAL_OR_KEYWORD))
+        found.append(parameter("output", kinds.KEYWORD_ONLY, None))
+    else:
+        found.append(kinds("path", kinds.POSITIONAL_OR_KEYWORD, annotation="Path"))
+    found += [parameter(key, kinds.KEYWORD_ONLY) for key in list(options)]
+    return found + [parameter(key, kinds.KEYWORD_ONLY, None) for key in OF_SOURCE]
+
+
+def documented(function: Any, name: str) -> Any:
+    """The function with its name, signature and documentation."""
+    function.__name__ = function.__qualname__ = name.replace("-", "_")
+    function.__module__ = __name__
+    function.__signature__ = inspect.Signature(parameters(name))
+    function.__doc__ = documentation(name)
+    return function
+
+
+def documentation(name: str) -> str:
+    """What an operation is for, what its options are, and an example."""
+    table = tables()[name]
+    lines = [table["about"], "", "Parameters", "----------"]
+    rows = [(option["name"], option["about"], option["usual"]) for option in table["options"]]
+    rows += [(key, about, None) for key, about in OF_SOURCE.items()]
+    for key, about, usual in rows:
+        text = about if usual is None else f"{about} (default: {usual})"
+        lines += [key, textwrap.indent(textwrap.fill(text, 110), "    ")]
+    return "\n".join([*lines, "", textwrap.dedent(EXAMPLES.get(name, "")), ""])
+
+
+def stub() -> str:
+    """The text of `_operations.pyi`."""
+    lines = [
+        '"""Operations on grids that write a file. Made by `terrane._operations.stub`, not by hand."""',
+        "",
+        "from collections.abc import Sequence",
+        "from typing import Any, Literal",
+        "",
+        "from terrane._lines import Lines",
+        "from terrane._settings import Features, Path",
+        "",
+        "def stub() -> str: ...",
+    ]
+    for name in tables():
+        lines.append(f"def {name.replace('-', '_')}(")
+        found = parameters(name)
+        first = [own.kind for own in found].index(inspect.Parameter.KEYWORD_ONLY)
+        for place, own in enumerate(found):
+            default = "" if own.default is own.empty else f" = {own.default!r}"
+            lines += ["    *,"] * (place == first)
+            lines.append(f"    {own.name}: {own.annotation}{default}".replace("'", '"') + ",")
+        result = "Lines | dict[str, Any]" if name == "contour" else "dict[str, Any]"
+        lines.append(f") -> {result}: ...")
+    return "\n".join(lines) + "\n"
+
+
+EXAMPLES = {
+    "contour": """
+        >>> import numpy as np, terrane
+        >>> cone = np.hypot(*np.mgrid[-20:21, -20:21])
+        >>> lines = terrane.contour(cone, levels=[5.0, 10.0])
+        >>> len(lines), lines.levels.tolist(), lines[0].shape[1]
+        (2, [5.0, 10.0], 2)
+    """,
+    "slope": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "slope.tif")
+        ...     report = terrane.slope("synth:rough,size=129", path, percent=True)
+        >>> report["width"], report["lowest"] >= 0
+        (129, True)
+    """,
+}
+
+documented(contour, "contour")
+convert = written("convert")
+slope = written("slope")
+aspect = written("aspect")
+hillshade = written("hillshade")
+color_relief = written("color-relief")
+curvature = written("curvature")
+roughness = written("roughness")
+tpi = written("tpi")
+tri = written("tri")
