@@ -199,7 +199,8 @@ impl Codec<Vec<f64>> for Numbers {
     const KIND: Kind = Kind::Shaped("Sequence[float]");
 
     fn parse(text: &str) -> Result<Vec<f64>, String> {
-        text.split(',').map(Finite::parse).collect()
+        let numbers = text.split(',').filter(|_| !text.is_empty());
+        numbers.map(Finite::parse).collect()
     }
 
     fn json(value: &Vec<f64>) -> Json {
@@ -289,6 +290,10 @@ impl Codec<Length> for LengthText {
             None => length.value.into(),
             Some(metres) => format!("{}m", length.value * metres).into(),
         }
+    }
+
+    fn number(length: &Length) -> Option<f64> {
+        Some(length.value)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::{Kind, Options, Table, to_map};
+use crate::{AnyValue, Field, Kind, Options, Table, texts_of, to_map};
 use terrane_base::error::{Error, Result};
 
 /// What options go with what. A term is the name of an option that is not at its default, or `name=value`.
@@ -50,7 +50,7 @@ const fn name_of(term: &str) -> &str {
     term
 }
 
-/// Fails where a number is out of its range, or options do not go together.
+/// Fails where a value is none of its option, or out of its range, or options do not go together.
 ///
 /// # Errors
 /// Usage: both are named.
@@ -58,15 +58,31 @@ pub fn check<O: Options>(options: &O) -> Result<()> {
     let fields = O::TABLE.fields();
     let mut found = Ok(());
     options.visit(&mut |name, value| {
-        let range = fields.iter().find(|field| field.name == name).and_then(|field| field.range);
-        let (Some(range), Some(number)) = (range, value.number()) else { return };
-        if found.is_ok() && !range.contains(number) {
-            found = Err(Error::usage(format!("‹{name}› is {number}: expected {}", range.text())));
+        let field = fields.iter().find(|field| field.name == name);
+        if let (Some(field), Ok(())) = (field, &found) {
+            found = check_value(field, value);
         }
     });
     found?;
     let given = Given { table: O::TABLE, now: to_map(options), usual: to_map(&O::default()) };
     O::TABLE.rules().into_iter().try_for_each(|rule| given.check(rule))
+}
+
+/// Fails where a value is out of its range, or none that its text could be: setters take any.
+fn check_value(field: &Field, value: &dyn AnyValue) -> Result<()> {
+    let (name, json) = (field.name, value.json());
+    if let (Some(range), Some(number)) = (field.range, value.number())
+        && !range.contains(number)
+    {
+        return Err(Error::usage(format!("‹{name}› is {number}: expected {}", range.text())));
+    }
+    if json.is_null() {
+        return Ok(());
+    }
+    texts_of(field, &json)?.iter().try_for_each(|text| {
+        (field.check)(text)
+            .map_err(|expected| Error::usage(format!("‹{name}› is {text:?}: {expected}")))
+    })
 }
 
 struct Given {

@@ -66,6 +66,8 @@ pub struct Range {
 impl Range {
     /// Numbers above zero.
     pub const POSITIVE: Self = Self { least: 0.0, most: f64::MAX, open: true };
+    /// Zero, and numbers above it.
+    pub const FROM_ZERO: Self = Self { least: 0.0, most: f64::MAX, open: false };
     /// Any finite number.
     pub const FINITE: Self = Self { least: f64::MIN, most: f64::MAX, open: false };
 

@@ -74,7 +74,7 @@ pub struct ContourOptions {
     pub index: Option<u32>,
     /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit: 100m, 2km, 50ft (of
     /// longitudes and latitudes on the ellipsoid); lines still neither cross nor touch
-    #[option(alias = "simplify", value = "LENGTH", with = LengthText, heading = "Simplification")]
+    #[option(alias = "simplify", value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, heading = "Simplification")]
     pub tolerance: Option<Length>,
     /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they may have lost
     #[option(value = "CELLS", default = 1024, range = Range::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
