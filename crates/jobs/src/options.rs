@@ -158,7 +158,7 @@ impl Codec<f64> for FiniteOrNan {
 pub struct Bounds;
 
 impl Codec<[f64; 4]> for Bounds {
-    const KIND: Kind = Kind::Shaped("Sequence[float]");
+    const KIND: Kind = Kind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 4], String> {
         let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
@@ -177,7 +177,7 @@ impl Codec<[f64; 4]> for Bounds {
 pub struct CellSize;
 
 impl Codec<[f64; 2]> for CellSize {
-    const KIND: Kind = Kind::Shaped("float | Sequence[float]");
+    const KIND: Kind = Kind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 2], String> {
         let (width, height) = text.split_once(',').unwrap_or((text, text));
@@ -196,7 +196,7 @@ impl Codec<[f64; 2]> for CellSize {
 pub struct Numbers;
 
 impl Codec<Vec<f64>> for Numbers {
-    const KIND: Kind = Kind::Shaped("Sequence[float]");
+    const KIND: Kind = Kind::Numbers;
 
     fn parse(text: &str) -> Result<Vec<f64>, String> {
         let numbers = text.split(',').filter(|_| !text.is_empty());

@@ -55,11 +55,16 @@ pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
             Kind::Flag => "true or false",
             Kind::Whole => "a whole number",
             Kind::Number => "a number",
-            _ => "a text",
+            Kind::Numbers => "numbers",
+            Kind::Shaped(_) => "a number or a text",
+            Kind::Text | Kind::Path | Kind::Choice(_) => "a text",
         };
         Error::usage(format!("‹{}› is {value}: expected {expected}", field.name))
     };
+    let is_number = matches!(field.kind, Kind::Whole | Kind::Number);
     let one = |value: &Json| match value {
+        // As JSON has no other way to say it.
+        Json::String(text) if is_number && text.parse().is_ok_and(f64::is_finite) => Err(wrong()),
         Json::String(text) if !matches!(field.kind, Kind::Flag) => Ok(text.clone()),
         Json::Number(number) if !matches!(field.kind, Kind::Flag | Kind::Path) => {
             Ok(number.to_string())
@@ -67,17 +72,14 @@ pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
         Json::Bool(flag) if matches!(field.kind, Kind::Flag) => Ok(flag.to_string()),
         _ => Err(wrong()),
     };
-    match value {
-        Json::Array(all) => {
+    match (value, field.shape, field.kind) {
+        (Json::Array(all), Shape::Repeated, _) => all.iter().map(one).collect(),
+        (Json::Array(all), _, Kind::Numbers) if all.iter().all(Json::is_number) => {
             let texts = all.iter().map(one).collect::<Result<Vec<_>>>()?;
-            let is_several = matches!(field.kind, Kind::Shaped(_));
-            match (field.shape, is_several) {
-                (Shape::Repeated, _) => Ok(texts),
-                (_, true) => Ok(vec![texts.join(",")]),
-                _ => Err(wrong()),
-            }
+            Ok(vec![texts.join(",")])
         }
-        Json::Object(pairs) if field.shape == Shape::Repeated => pairs
+        (Json::Array(_), ..) => Err(wrong()),
+        (Json::Object(pairs), Shape::Repeated, _) => pairs
             .iter()
             .map(|(key, value)| one(value).map(|text| format!("{key}={text}")))
             .collect(),

@@ -26,7 +26,9 @@ pub enum Kind {
     Path,
     /// One of some names.
     Choice(fn() -> Vec<Named>),
-    /// A text of a form of its own, such as `xmin,ymin,xmax,ymax`; what Python may have in its place.
+    /// Numbers with commas between them; a list of numbers in Python.
+    Numbers,
+    /// A text of a form of its own, such as `KEY=VAL`; the type of values in Python.
     Shaped(&'static str),
 }
 

@@ -81,7 +81,7 @@ fn values_come_in_and_go_out_as_they_are() {
     assert!(usual.drop && usual.altitude == 45.0 && usual.machine.threads == 2);
     assert!(changed(&usual).is_empty());
     let given = json!({
-        "azimuth": 90, "height": "60", "drop": false, "co": { "A": 1, "B": "x" }, "threads": 3
+        "azimuth": 90, "height": 60, "drop": false, "co": { "A": 1, "B": "x" }, "threads": 3
     });
     let options = filled(&given).unwrap();
     assert_eq!(options.co, ["A=1", "B=x"]);
@@ -100,6 +100,7 @@ fn what_is_wrong_names_options_and_what_was_expected() {
         (json!({ "azimut": 1 }), "there is no option \"azimut\"; did you mean ‹azimuth›?"),
         (json!({ "colour": 1 }), "there is no option \"colour\"; leave it out"),
         (json!({ "altitude": 50, "height": 60 }), "‹altitude› is given twice; leave"),
+        (json!({ "altitude": "50" }), "‹altitude› is \"50\": expected a number"),
         (json!({ "altitude": true }), "‹altitude› is true: expected a number"),
         (json!({ "altitude": [1, 2] }), "‹altitude› is [1,2]: expected a number"),
         (json!({ "altitude": 91 }), "‹altitude› is 91: expected a number from 1 to 90"),

@@ -87,7 +87,7 @@ fn of_values(field: &'static Field, argument: Arg) -> Arg {
             argument.value_parser(PossibleValuesParser::new(values))
         }
         Kind::Path => argument.value_hint(ValueHint::FilePath).value_parser(names::any()),
-        Kind::Number | Kind::Shaped(_) => {
+        Kind::Number | Kind::Numbers | Kind::Shaped(_) => {
             argument.allow_hyphen_values(true).value_parser(checked(field))
         }
         Kind::Flag | Kind::Whole | Kind::Text => argument.value_parser(checked(field)),

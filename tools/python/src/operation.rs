@@ -7,7 +7,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
 use terrane::{Error, Listed, OPERATIONS};
-use terrane_base::door::Door;
 use terrane_files::name_of;
 use terrane_options::{Field, Kind, Shape};
 
@@ -32,11 +31,8 @@ pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 }
 
 fn option(field: &Field, default: &Json) -> Json {
-    let default = if matches!(field.shape, Shape::Repeated) || field.usual.is_some() {
-        &Json::Null
-    } else {
-        default
-    };
+    let is_several = matches!(field.shape, Shape::Repeated) || default.is_array();
+    let default = if is_several || field.usual.is_some() { &Json::Null } else { default };
     let mut ty = type_of(field.kind);
     if default.is_null() && !field.positional {
         ty += " | None";
@@ -59,6 +55,7 @@ fn type_of(kind: Kind) -> String {
         Kind::Number => "float".to_owned(),
         Kind::Text => "str".to_owned(),
         Kind::Path => "Path".to_owned(),
+        Kind::Numbers => "float | Sequence[float]".to_owned(),
         Kind::Shaped(text) => text.to_owned(),
         Kind::Choice(choices) => {
             let names: Vec<String> =
@@ -94,7 +91,8 @@ fn json_of(value: &Bound<'_, PyAny>, is_name: bool) -> PyResult<Option<Json>> {
     if value.is_none() {
         return Ok(Some(Json::Null));
     }
-    let is_bool = value.is_instance_of::<PyBool>() || value.get_type().name()? == "bool_";
+    let is_bool = value.is_instance_of::<PyBool>()
+        || value.get_type().name()?.to_string().starts_with("bool");
     if is_bool {
         return Ok(Some(value.is_truthy()?.into()));
     }

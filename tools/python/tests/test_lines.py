@@ -51,7 +51,7 @@ def test_contours(tmp_path: Path, heights: NDArray[np.float32]) -> None:
         terrane.contour(heights, 50.0, output=tmp_path / "lines.fgb")
     simpler = terrane.contour(heights, 50.0, tolerance=1.0, **place)
     assert len(simpler.coordinates) < len(lines.coordinates) / 2
-    with pytest.raises(ValueError, match="pass one of them"):
+    with pytest.raises(ValueError, match="pass interval or levels"):
         terrane.contour(heights)
 
 

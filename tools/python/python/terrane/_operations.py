@@ -26,7 +26,8 @@ OF_SOURCE = {
     "crs": "The reference system of an array: text, a code, or one of pyproj or rasterio",
     "progress": "A function of the stage, what is done and the total, or tqdm",
 }
-ANY = {"clip": "Features | None", "water": "Features | None", "to_crs": "Any", "output": "Path | None"}
+# What Python has in place of texts.
+TYPES = {"band": "int | None", "clip": "Features | None", "water": "Features | None", "to_crs": "Any", "output": "Path | None"}
 
 
 @cache
@@ -87,8 +88,10 @@ def parameters(name: str) -> list[inspect.Parameter]:
 
     def parameter(name: str, kind: Any, default: Any = kinds.empty) -> inspect.Parameter:
         option = options.pop(name, {"type": "Any"})
-        annotation = ANY.get(name, option["type"])
-        return kinds(name, kind, default=option.get("default", default), annotation=annotation)
+        annotation = TYPES.get(name, option["type"])
+        # That no band is named is another thing than that the first one is.
+        default = None if name == "band" else option.get("default", default)
+        return kinds(name, kind, default=default, annotation=annotation)
 
     names = [name for name, option in options.items() if option["positional"]]
     found = [kinds(name, kinds.POSITIONAL_OR_KEYWORD, annotation="Any") for name in ["src", *names]]
