@@ -88,8 +88,8 @@ pub use terrane_jobs::contour::{ContourOptions, ContourReport};
 pub use terrane_jobs::convert::{ConvertOptions, ConvertReport};
 pub use terrane_jobs::figures::Figures;
 pub use terrane_jobs::grid::{Canopy, GridReport, GroundFrom, Preset};
-pub use terrane_jobs::line::{Length, LineReport};
-pub use terrane_jobs::operation::{Job, Listed, Memory, OPERATIONS, Operation};
+pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
+pub use terrane_jobs::operation::{Job, Listed, Memory, OPERATIONS, Operation, Reads, Writes};
 pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,

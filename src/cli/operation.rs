@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use terrane_options::{
-    Field, Json, Role, Rule, Table, changed, check as check_options, set_texts, to_map,
+    Field, Json, Options, Role, Rule, Table, changed, check as check_options, set_texts, to_map,
 };
 
 use crate::atomic;
@@ -18,7 +18,7 @@ use crate::jobs::Resources;
 use crate::jobs::contour::ContourReport;
 use crate::jobs::convert::ConvertReport;
 use crate::jobs::memory::cache_beside;
-use crate::jobs::operation::{Operation, Writes};
+use crate::jobs::operation::{Has, Operation, Writes};
 use crate::jobs::options::{FileOutput, GridInput};
 use crate::jobs::sift::Sifted;
 use crate::raster::{self, OpenOptions};
@@ -41,7 +41,7 @@ impl Summary for ContourReport {
 }
 
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args<O: Operation> {
+pub(super) struct Args<O: Operation + Has<GridInput>> {
     /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
     /// quotes are one mosaic. The last name is that of the file to write
     #[arg(required = true, value_names = value_names(O::TABLE), num_args = 1.., value_parser = names::any())]
@@ -72,7 +72,7 @@ fn positional(table: &'static Table) -> impl Iterator<Item = &'static Field> {
     table.fields().into_iter().filter(|field| field.positional)
 }
 
-impl<O: Operation<Report: Summary>> Verb for Args<O> {
+impl<O: Operation<Report: Summary> + Has<GridInput>> Verb for Args<O> {
     const NAME: &'static str = O::NAME;
 
     fn about() -> Option<String> {
@@ -157,7 +157,7 @@ fn take_positional<O: Operation>(options: &mut O, input: &mut Vec<String>) -> Re
 }
 
 /// The options of which one has to be given, as usage has them.
-fn needed(table: &'static Table) -> String {
+pub(super) fn needed(table: &'static Table) -> String {
     let argument = |name: &&str| {
         let field = table.find(name);
         let value = field.and_then(|field| field.value).unwrap_or("VALUE");
@@ -171,6 +171,14 @@ fn needed(table: &'static Table) -> String {
         }
         Rule::NotWith(..) | Rule::Needs(..) => text,
     })
+}
+
+/// The files that are read beside the inputs.
+pub(super) fn reads<O: Options>(options: &O) -> Vec<String> {
+    let values = to_map(options);
+    let fields = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Reads);
+    let names = fields.filter_map(|field| values.get(field.name).and_then(Json::as_str));
+    names.map(str::to_owned).collect()
 }
 
 /// How each file of a grid is opened.
@@ -192,7 +200,7 @@ fn check_input(grid: &GridInput, input: &str) -> Result<()> {
     }
 }
 
-impl<O: Operation> Args<O> {
+impl<O: Operation + Has<GridInput>> Args<O> {
     /// Fails when a file to read is not there, or one to write is taken.
     fn check_files(
         &self,
@@ -201,10 +209,7 @@ impl<O: Operation> Args<O> {
         output: &Path,
         overwrite: bool,
     ) -> Result<()> {
-        let values = to_map(options);
-        let fields = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Reads);
-        let beside = fields.filter_map(|field| values.get(field.name).and_then(Json::as_str));
-        let beside: Vec<String> = beside.map(str::to_owned).collect();
+        let beside = reads(options);
         let files = [raster::files(input)?, beside.clone()].concat();
         check::not_among(&files, &[output])?;
         check::new_file(output, overwrite)?;

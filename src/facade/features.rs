@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::run::{Run, System, output_settings, run_settings, system_settings};
-use super::simplify::Method;
 use super::verify::VerifyBuilder;
-use terrane_base::{Error, Result};
-use terrane_jobs::line::{self, Goal, Length, LineJob, LineReport, Topology};
+use terrane_base::Result;
+use terrane_jobs::line::LineOptions;
+use terrane_jobs::operation::{Call, Job, Listed};
+use terrane_jobs::options::FeatureInput;
+use terrane_jobs::{Cancel, Progress};
+use terrane_raster::Inputs;
 use terrane_vector::{self as vector, OpenOptions};
 
 /// Features in a file: points, lines and polygons. Nothing of them is held.
@@ -51,111 +53,32 @@ impl Features {
         Self { layer: Some(name.into()), ..self }.checked()
     }
 
-    /// Simpler lines and rings.
-    pub fn simplify(&self) -> LineBuilder<'_> {
-        LineBuilder {
-            of: self,
-            goal: None,
-            method: Method::default(),
-            topology: None,
-            format: None,
-            decimals: None,
-            system: System::default(),
-            run: Run::default(),
-        }
+    /// Simpler lines and rings; heights, measures, ids and properties are carried.
+    pub fn simplify(&self) -> Job<'_, LineOptions> {
+        let features = FeatureInput { layer: self.layer.clone() };
+        let options = LineOptions { features, ..LineOptions::default() };
+        Job::new(Inputs::from(self.path.clone()), options)
+    }
+
+    /// Runs one of the [`OPERATIONS`](crate::OPERATIONS) on features, with options by name, and tells its report as JSON.
+    ///
+    /// # Errors
+    /// Options that there are not; else those of [`Job::write`].
+    pub fn run(
+        &self,
+        operation: &Listed,
+        output: &Path,
+        options: &serde_json::Map<String, serde_json::Value>,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<serde_json::Value> {
+        let inputs = &Inputs::from(self.path.clone());
+        let reading = terrane_options::to_map(&FeatureInput { layer: self.layer.clone() });
+        (operation.run)(&Call { inputs, reading, output, options, progress, cancel })
     }
 
     /// The proof of simplified lines in a file against these.
     pub fn verify(&self, lines: impl AsRef<Path>) -> VerifyBuilder<'_, Features> {
         VerifyBuilder::of(self, lines.as_ref())
-    }
-}
-
-/// Simpler lines to be made. Heights, measures, ids and properties are carried.
-pub struct LineBuilder<'a> {
-    of: &'a Features,
-    goal: Option<Goal>,
-    method: Method,
-    topology: Option<Topology>,
-    format: Option<String>,
-    decimals: Option<u8>,
-    system: System,
-    run: Run,
-}
-
-run_settings!([] LineBuilder<'_>);
-output_settings!([] LineBuilder<'_>);
-system_settings!([] LineBuilder<'_>);
-
-impl LineBuilder<'_> {
-    /// No vertex further than this from the segment in its place, in units of the data.
-    pub fn tolerance(mut self, distance: f64) -> Self {
-        self.goal = Some(Goal::Tolerance(Length { value: distance, unit: None }));
-        self
-    }
-
-    /// The same in metres, on the ellipsoid where the data are longitudes and latitudes.
-    pub fn metres(mut self, distance: f64) -> Self {
-        self.goal = Some(Goal::Tolerance(Length { value: distance, unit: Some(1.0) }));
-        self
-    }
-
-    /// No triangle of a smaller effective area than this, for methods that go by area.
-    pub fn area(mut self, area: f64) -> Self {
-        self.goal = Some(Goal::Area(area));
-        self
-    }
-
-    /// At most this share of the vertices, from 0 to 1.
-    pub fn keep_ratio(mut self, share: f64) -> Self {
-        self.goal = Some(Goal::Ratio(share));
-        self
-    }
-
-    /// At most so many vertices.
-    pub fn keep_count(mut self, count: u64) -> Self {
-        self.goal = Some(Goal::Count(count));
-        self
-    }
-
-    /// How vertices are chosen; the cone unless told otherwise.
-    pub fn method(mut self, method: Method) -> Self {
-        self.method = method;
-        self
-    }
-
-    /// Look at neighbours: no line comes to cross itself or another, and borders that are shared stay so.
-    pub fn topology(mut self, topology: bool) -> Self {
-        self.topology = topology.then(Topology::default);
-        self
-    }
-
-    /// Round positions to so many digits behind the point; with topology vertices keep theirs where lines
-    /// would touch, cross or change sides.
-    pub fn decimals(mut self, digits: u8) -> Self {
-        self.decimals = Some(digits);
-        self
-    }
-
-    /// Simplifies and writes, within the memory allowed.
-    ///
-    /// # Errors
-    /// No goal, or one that the method does not have or that cannot be met; damage in the file, with its
-    /// place; too little memory; an output that exists, cannot be written or does not hold the features; a
-    /// system that nothing is known to lead to; cancelled.
-    pub fn write(self, path: impl Into<PathBuf>) -> Result<LineReport> {
-        let none = || Error::usage("the lines have nothing to reach").remedy("say .tolerance(...)");
-        let job = LineJob {
-            layer: self.of.layer.clone(),
-            method: self.method.entry(),
-            topology: self.topology,
-            transform: self.system.transform()?,
-            format: self.format,
-            decimals: self.decimals,
-            overwrite: self.run.overwrite,
-            resources: self.run.resources()?,
-            ..LineJob::new(&self.of.path, path.into(), self.goal.ok_or_else(none)?)
-        };
-        line::run(&job, &*self.run.progress, &self.run.cancel)
     }
 }

@@ -12,7 +12,7 @@ use terrane_files::name_of;
 use terrane_jobs::colours::ColorReliefOptions;
 use terrane_jobs::contour::ContourOptions;
 use terrane_jobs::convert::ConvertOptions;
-use terrane_jobs::operation::{Call, Job, Listed, Operation};
+use terrane_jobs::operation::{Call, Has, Job, Listed, Operation};
 use terrane_jobs::options::GridInput;
 use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
@@ -333,8 +333,10 @@ impl Grid {
     }
 
     /// An operation on it.
-    fn job<O: Operation>(&self) -> Job<'_, O> {
-        Job::new(self.inputs.clone(), self.reading.clone())
+    fn job<O: Operation + Has<GridInput>>(&self) -> Job<'_, O> {
+        let mut options = O::default();
+        *options.part_mut() = self.reading.clone();
+        Job::new(self.inputs.clone(), options)
     }
 
     /// Runs one of the [`OPERATIONS`](crate::OPERATIONS) with options by name, and tells what its report is as JSON.
@@ -363,7 +365,7 @@ impl Grid {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<serde_json::Value> {
-        let (inputs, reading) = (&self.inputs, &self.reading);
+        let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
         (operation.run)(&Call { inputs, reading, output, options, progress, cancel })
     }
 

@@ -17,7 +17,7 @@ mod verify;
 
 pub use bands::{BandGrid, BandTinBuilder, open_bands};
 pub use cloud::{Cloud, CloudTinBuilder, GridBuilder, open_cloud, open_points};
-pub use features::{Features, LineBuilder, open_features};
+pub use features::{Features, open_features};
 pub use grid::{Grid, open, open_array};
 pub use plan::{Plan, PlanBuilder, PlanRun, PlanStatus};
 pub use points::PointsBuilder;

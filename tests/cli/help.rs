@@ -20,7 +20,7 @@ const VERBS: [&str; 11] = [
 ];
 
 /// The others.
-const MORE: [&str; 5] = ["line", "plan", "run", "finish", "status"];
+const MORE: [&str; 5] = ["simplify", "plan", "run", "finish", "status"];
 
 #[test]
 fn help_and_version_go_to_stdout() {

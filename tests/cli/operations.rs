@@ -1,8 +1,10 @@
 //! Every option of every operation through every door, by the table of its options: what the command line writes is what
 //! the library writes, and what is refused by one is refused by the other, in its own words.
 
+use std::path::Path;
+
 use serde_json::{Map, Value as Json, json};
-use terrane::{Cancel, Grid, Listed, OPERATIONS, Silent};
+use terrane::{Cancel, Listed, OPERATIONS, Reads, Silent};
 use terrane_base::door::Door;
 use terrane_options::{Field, Kind, Rule, Shape, texts_of};
 
@@ -59,6 +61,20 @@ const VALUES: &[(&str, &str, &str)] = &[
     ("with_z", "true", "{}"),
     ("z_factor", "3", "{}"),
     ("zero_for_flat", "true", "{}"),
+    ("area", "900", "{\"tolerance\": null, \"method\": \"visvalingam\"}"),
+    ("collapse", "\"drop\"", "{\"tolerance\": 400}"),
+    ("decimals", "1", "{}"),
+    ("hierarchy", "\"splits.bin\"", "{}"),
+    ("keep_count", "60", "{\"tolerance\": null}"),
+    ("keep_ratio", "0.5", "{\"tolerance\": null}"),
+    ("layer", "\"other\"", "{}"),
+    ("method", "\"rdp\"", "{}"),
+    ("metric", "\"3d\"", "{}"),
+    ("sides", "\"sides.wkt\"", "{\"topology\": true, \"tolerance\": 90}"),
+    ("snap", "30", "{\"topology\": true}"),
+    ("strategy", "\"proactive\"", "{\"topology\": true, \"tolerance\": 90}"),
+    ("target_size", "\"4K\"", "{\"tolerance\": null}"),
+    ("topology", "true", "{\"tolerance\": 90}"),
 ];
 
 /// Options that cannot be tried here, with the reason.
@@ -72,6 +88,7 @@ fn needed(operation: &Listed) -> Map<String, Json> {
     let needed = match operation.name {
         "color-relief" => json!({ "colors": "colors.txt" }),
         "contour" => json!({ "interval": 10 }),
+        "simplify" => json!({ "tolerance": 40 }),
         _ => json!({}),
     };
     needed.as_object().unwrap().clone()
@@ -80,8 +97,8 @@ fn needed(operation: &Listed) -> Map<String, Json> {
 /// The file that an operation writes.
 fn output(operation: &Listed, options: &Map<String, Json>) -> &'static str {
     match (operation.name, options.get("format").and_then(Json::as_str)) {
-        ("contour", Some("FlatGeobuf")) => "out.fgb",
-        ("contour", _) => "out.geojson",
+        ("contour" | "simplify", Some("FlatGeobuf")) => "out.fgb",
+        ("contour" | "simplify", _) => "out.geojson",
         (_, Some("AAIGrid")) => "out.asc",
         _ => "out.tif",
     }
@@ -97,7 +114,7 @@ fn tried(operation: &Listed, field: &Field) -> Option<Map<String, Json>> {
             panic!("{} of {} has no value in this test", field.name, operation.name)
         });
     let value = match (field.name, operation.name) {
-        ("format", "contour") => json!("FlatGeobuf"),
+        ("format", "contour" | "simplify") => json!("FlatGeobuf"),
         ("format", "color-relief") => json!("COG"),
         ("format", _) => json!("AAIGrid"),
         _ => serde_json::from_str(value).unwrap(),
@@ -160,7 +177,41 @@ fn place() -> Place {
         place.write(&format!("{name}.prj"), "EPSG:32631");
     }
     std::fs::create_dir(place.path("spills")).unwrap();
+    place.write("lines.wkt", lines()).write("lines.prj", "EPSG:32631");
+    let topology = json!({
+        "type": "Topology",
+        "arcs": [[[0, 0], [1, 0.1], [2, 0]], [[0, 1], [1, 1.3], [2, 1.1], [3, 1]]],
+        "objects": {
+            "first": { "type": "LineString", "arcs": [0] },
+            "other": { "type": "LineString", "arcs": [1] },
+        },
+    });
+    place.write("two.topojson", topology.to_string());
+    place.write("sides.wkt", "POINT (500050 4753520)").write("sides.prj", "EPSG:32631");
     place
+}
+
+/// Lines and a ring with heights.
+fn lines() -> String {
+    let rough = |i: u32, k: u32| (i * 7919 + k * 104_729) % 61;
+    let line = |k: u32| {
+        let vertex = |i: u32| {
+            format!(
+                "{}.25 {} {}",
+                500_000 + 20 * i,
+                4_750_000 + 64 * k + rough(i, k),
+                rough(i, k + 9)
+            )
+        };
+        format!("LINESTRING Z ({})\n", (0..60).map(vertex).collect::<Vec<_>>().join(", "))
+    };
+    let ring = "POLYGON Z ((500000 4752000 1, 500090 4752000 2, 500120 4752050 3, 500090 4752099 2, \
+                500010 4752080 1, 500000 4752000 1))\n";
+    // A line that another one would cross, were it straight.
+    let spike = "LINESTRING Z (500000 4753000 1, 500050 4753080 1, 500100 4753000 1)\n\
+                 LINESTRING Z (500050 4752980 1, 500050 4753060 1)\n\
+                 LINESTRING Z (500000 4753500 1, 500050 4753580 1, 500100 4753500 1)\n";
+    (0..4).map(line).collect::<String>() + ring + spike
 }
 
 /// A grid of two bands, since bands other than the first are an option.
@@ -174,16 +225,20 @@ fn each_option_does_the_same_at_each_door() {
     let place = place();
     two_bands(&place);
     for operation in OPERATIONS {
-        let usual = write_both(&place, operation, &needed(operation), TERRAIN);
         for field in operation.table.fields() {
             let Some(options) = tried(operation, field) else { continue };
-            let is_of_files = ["band", "nodata"].contains(&field.name);
-            let input = if is_of_files { "bands.tif" } else { TERRAIN };
+            let input = match field.name {
+                "band" | "nodata" => "bands.tif",
+                "layer" => "two.topojson",
+                _ => input(operation),
+            };
             let written = write_both(&place, operation, &options, input);
+            let usual = write_both(&place, operation, &without(operation, field, &options), input);
             let is_seen = written != usual
                 || ["overwrite", "memory", "threads", "temp_dir", "tile"].contains(&field.name);
             // A terrain has no level ground, and metres lead to one direction in any unit.
-            let may_be_unseen = [("aspect", "zero_for_flat"), ("aspect", "scale")];
+            let may_be_unseen =
+                [("aspect", "zero_for_flat"), ("aspect", "scale"), ("simplify", "strategy")];
             let may_be_unseen = may_be_unseen.contains(&(operation.name, field.name));
             assert!(
                 is_seen || may_be_unseen,
@@ -192,6 +247,20 @@ fn each_option_does_the_same_at_each_door() {
                 operation.name
             );
         }
+    }
+}
+
+/// The options without one of them; what is needed with it alone goes, too.
+fn without(operation: &Listed, field: &Field, options: &Map<String, Json>) -> Map<String, Json> {
+    let mut others = options.clone();
+    others.remove(field.name);
+    let needed = needed(operation);
+    let is_goal = options.values().any(Json::is_null) || needed.contains_key(field.name);
+    // Nothing is resampled without a lattice, nor the other way round.
+    let is_lattice = operation.name == "convert" && field.heading == "Lattice";
+    match is_goal || is_lattice || ["to_crs", "round"].contains(&field.name) {
+        true => needed,
+        false => others,
     }
 }
 
@@ -213,19 +282,42 @@ fn write_both(
     let by_command_line = place.bytes(name);
     let output = place.path(name);
     std::fs::remove_file(&output).unwrap();
-    let input = if input == TERRAIN {
-        input.to_owned()
-    } else {
-        place.path(input).to_str().unwrap().to_owned()
-    };
-    let grid: Grid = terrane::open(input).unwrap();
     let options = in_place(place, operation, options);
-    let report = grid.run(operation, &output, &options, &Silent, &Cancel::default()).unwrap();
-    let by_library = place.bytes(name);
+    let report = by_library(place, operation, input, &output, &options).unwrap();
+    let written = place.bytes(name);
     std::fs::remove_file(&output).unwrap();
-    assert!(by_command_line == by_library, "{words:?}");
+    assert!(by_command_line == written, "{words:?}");
     assert_eq!(told["output_bytes"], report["output_bytes"], "{words:?}");
-    by_library
+    written
+}
+
+/// What the library makes of it.
+fn by_library(
+    place: &Place,
+    operation: &Listed,
+    input: &str,
+    output: &Path,
+    options: &Map<String, Json>,
+) -> terrane::Result<Json> {
+    let cancel = Cancel::default();
+    let path = place.path(input);
+    match operation.reads {
+        Reads::Features => {
+            terrane::open_features(path)?.run(operation, output, options, &Silent, &cancel)
+        }
+        Reads::Grid => {
+            let name = if input == TERRAIN { input } else { path.to_str().unwrap() };
+            terrane::open(name)?.run(operation, output, options, &Silent, &cancel)
+        }
+    }
+}
+
+/// What an operation is tried on.
+fn input(operation: &Listed) -> &'static str {
+    match operation.reads {
+        Reads::Grid => TERRAIN,
+        Reads::Features => "lines.wkt",
+    }
 }
 
 #[test]
@@ -255,15 +347,14 @@ fn refuse_both(place: &Place, operation: &Listed, name: &str, other: &str) {
     }
     let together = format!("‹{name}› cannot be used with ‹{other}›");
     let (names, arguments) = arguments(operation, &options);
-    let mut words = vec![operation.name, TERRAIN];
+    let mut words = vec![operation.name, input(operation)];
     words.extend(names.iter().map(String::as_str));
     words.push(output(operation, &options));
     words.extend(arguments.iter().map(String::as_str));
     place.fails(&words, 2, &[&Door::CommandLine.spell(&together)]);
     options = in_place(place, operation, &options);
-    let grid = terrane::open(TERRAIN).unwrap();
     let path = place.path("none.tif");
-    let error = grid.run(operation, &path, &options, &Silent, &Cancel::default()).unwrap_err();
+    let error = by_library(place, operation, input(operation), &path, &options).unwrap_err();
     assert!(error.to_string().starts_with(&together), "{error}");
     assert!(!path.exists());
 }

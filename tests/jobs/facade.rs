@@ -260,7 +260,11 @@ fn lines_in_degrees_are_proved_in_metres() {
     let text = format!(r#"{{"type": "LineString", "coordinates": [{}]}}"#, line.join(", "));
     std::fs::write(path("line.geojson"), text).unwrap();
     let features = terrane::open_features(path("line.geojson")).unwrap();
-    features.simplify().metres(2000.0).write(path("few.geojson")).unwrap();
+    features
+        .simplify()
+        .tolerance(terrane::Length::metres(2000.0))
+        .write(path("few.geojson"))
+        .unwrap();
     let passed = |metres: f64| {
         features.verify(path("few.geojson")).metres(metres).run().unwrap().verdict.passed
     };

@@ -1,4 +1,4 @@
-//! Operations: what can be done with a grid in one struct of options each, which every door is made from.
+//! Operations: what can be done with grids and features, in one struct of options each, which every door is made from.
 //!
 //! The command line takes the options by name, Rust by setters of [`Job`], Python by keywords; all come to
 //! [`Operation::run`]. A new operation is a file with its options and its work, and a line in [`OPERATIONS`].
@@ -14,7 +14,8 @@ use terrane_options::{Options, Table, check, fill, to_map};
 use crate::colours::ColorReliefOptions;
 use crate::contour::ContourOptions;
 use crate::convert::ConvertOptions;
-use crate::options::{FileOutput, GridInput, GridOutput};
+use crate::line::LineOptions;
+use crate::options::{FileOutput, GridOutput};
 use crate::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -23,10 +24,11 @@ use crate::{Cancel, Progress, Resources, Silent, memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_raster::Inputs;
 
-/// All operations on grids that write a file, in the order of the help.
+/// All operations that write a file, in the order of the help.
 pub const OPERATIONS: &[Listed] = &[
     Listed::of::<ConvertOptions>(),
     Listed::of::<ContourOptions>(),
+    Listed::of::<LineOptions>(),
     Listed::of::<SlopeOptions>(),
     Listed::of::<AspectOptions>(),
     Listed::of::<HillshadeOptions>(),
@@ -46,6 +48,15 @@ pub trait Has<G> {
     fn part_mut(&mut self) -> &mut G;
 }
 
+/// What an operation reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reads {
+    /// A grid.
+    Grid,
+    /// Features: lines, polygons and points.
+    Features,
+}
+
 /// What an operation writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Writes {
@@ -57,20 +68,14 @@ pub enum Writes {
     Lines,
 }
 
-/// Something that is made of a grid: a struct of options.
+/// Something that is made of a grid or of features: a struct of options.
 pub trait Operation:
-    Options
-    + Clone
-    + fmt::Debug
-    + Send
-    + Sync
-    + 'static
-    + Has<GridInput>
-    + Has<FileOutput>
-    + Has<Resources>
+    Options + Clone + fmt::Debug + Send + Sync + 'static + Has<FileOutput> + Has<Resources>
 {
     /// Its name, which is that of its verb, with dashes.
     const NAME: &'static str;
+    /// What it reads.
+    const READS: Reads = Reads::Grid;
     /// What it writes.
     const WRITES: Writes;
     /// What is told of a run.
@@ -101,6 +106,8 @@ pub struct Listed {
     pub name: &'static str,
     /// Its options.
     pub table: &'static Table,
+    /// What it reads.
+    pub reads: Reads,
     /// What it writes.
     pub writes: Writes,
     /// The defaults of its options.
@@ -111,10 +118,10 @@ pub struct Listed {
 
 /// What a run is asked for.
 pub struct Call<'a> {
-    /// Files of the grid.
+    /// Files of the grid, or of features.
     pub inputs: &'a Inputs,
-    /// How they are read, unless an option says otherwise.
-    pub reading: &'a GridInput,
+    /// How they are read, by the names of options, unless one of these says otherwise.
+    pub reading: Map<String, Json>,
     /// File to write.
     pub output: &'a Path,
     /// Options by name.
@@ -128,12 +135,13 @@ pub struct Call<'a> {
 impl Listed {
     const fn of<O: Operation>() -> Self {
         let defaults = || to_map(&O::default());
-        Self { name: O::NAME, table: O::TABLE, writes: O::WRITES, defaults, run: run::<O> }
+        let (reads, writes) = (O::READS, O::WRITES);
+        Self { name: O::NAME, table: O::TABLE, reads, writes, defaults, run: run::<O> }
     }
 }
 
 fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
-    let mut given = to_map(call.reading);
+    let mut given = call.reading.clone();
     given.extend(call.options.clone());
     let options: O = fill(&given)?;
     check(&options)?;
@@ -185,7 +193,7 @@ impl From<String> for Memory {
     }
 }
 
-/// An operation on a grid, to be told its options by setters and to be run by [`write`](Self::write).
+/// An operation on some files, to be told its options by setters and to be run by [`write`](Self::write).
 pub struct Job<'a, O> {
     inputs: Inputs,
     pub(crate) options: O,
@@ -193,16 +201,14 @@ pub struct Job<'a, O> {
     progress: Box<dyn Progress + Send>,
     cancel: Cancel,
     /// What is in memory has to stay there.
-    grid: PhantomData<&'a ()>,
+    held: PhantomData<&'a ()>,
 }
 
 impl<'a, O: Operation> Job<'a, O> {
-    /// The operation of the grid in some files, which is read so.
-    pub fn new(inputs: Inputs, reading: GridInput) -> Self {
-        let mut options = O::default();
-        *options.part_mut() = reading;
+    /// The operation on some files.
+    pub fn new(inputs: Inputs, options: O) -> Self {
         let (progress, cancel) = (Box::new(Silent), Cancel::default());
-        Self { inputs, options, memory: None, progress, cancel, grid: PhantomData }
+        Self { inputs, options, memory: None, progress, cancel, held: PhantomData }
     }
 
     /// The options as they are by now.

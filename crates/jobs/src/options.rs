@@ -43,6 +43,15 @@ pub struct GridInput {
     pub water: Option<String>,
 }
 
+/// How features are read
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(setters = group)]
+pub struct FeatureInput {
+    /// The object of TopoJSON files to read
+    #[option(value = "NAME", usual = "their first")]
+    pub layer: Option<String>,
+}
+
 /// A file that is written
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Output", setters = group)]
@@ -225,6 +234,21 @@ impl Codec<u64> for Bytes {
             Some(bytes) => Ok(bytes),
             None => Err("expected a size such as 512M or 4GiB".to_owned()),
         }
+    }
+
+    fn json(value: &u64) -> Json {
+        (*value).into()
+    }
+}
+
+/// The same of any number above 0: sizes of files.
+pub struct FileSize;
+
+impl Codec<u64> for FileSize {
+    const KIND: Kind = Kind::Shaped("int | str");
+
+    fn parse(text: &str) -> Result<u64, String> {
+        memory::parse(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
     }
 
     fn json(value: &u64) -> Json {

@@ -49,7 +49,7 @@ impl GridInput {
 }
 
 fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
-    let remedy = "simplify them with terrane line";
+    let remedy = "simplify them with terrane simplify";
     let mut file = Beside::open(name, "polygons", ClipRings::EDGE_BYTES, remedy)?;
     let mut rings = ClipRings::default();
     let edges = file.each((resources.memory / 2, resources), |feature| add(feature, &mut rings))?;

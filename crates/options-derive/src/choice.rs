@@ -2,7 +2,7 @@
 
 use proc_macro2::TokenStream;
 use quote::quote;
-use syn::{Data, DeriveInput, Error, Fields, Result};
+use syn::{Data, DeriveInput, Error, Fields, LitStr, Result};
 
 use crate::docs;
 
@@ -16,7 +16,17 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
         if !matches!(variant.fields, Fields::Unit) {
             return Err(Error::new_spanned(variant, "a choice holds nothing"));
         }
-        let (ident, called) = (&variant.ident, dashed(&variant.ident.to_string()));
+        let ident = &variant.ident;
+        let mut called = dashed(&ident.to_string());
+        for attribute in variant.attrs.iter().filter(|own| own.path().is_ident("choice")) {
+            attribute.parse_nested_meta(|meta| match meta.path.is_ident("name") {
+                true => {
+                    called = meta.value()?.parse::<LitStr>()?.value();
+                    Ok(())
+                }
+                false => Err(meta.error("expected name")),
+            })?;
+        }
         let about = docs::text(&variant.attrs);
         let about = about.split("\n\n").next().unwrap_or_default();
         choices.push(

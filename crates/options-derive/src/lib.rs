@@ -15,8 +15,8 @@ pub fn options(input: TokenStream) -> TokenStream {
     fields::expand(&input).unwrap_or_else(Error::into_compile_error).into()
 }
 
-/// `Choice` for an enum without fields: each variant is called by its name in lower case with dashes, and documented by
-/// the first paragraph of its comment.
+/// `Choice` for an enum without fields: each variant is called by its name in lower case with dashes unless
+/// `#[choice(name = "..")]` says otherwise, and documented by the first paragraph of its comment.
 #[proc_macro_derive(Choice, attributes(choice))]
 pub fn choice(input: TokenStream) -> TokenStream {
     let input = parse_macro_input!(input as DeriveInput);

@@ -14,6 +14,9 @@ use crate::jobs::Cancel;
 pub(crate) trait Verb: clap::Args + 'static {
     const NAME: &'static str;
 
+    /// What else it may be called.
+    const ALIASES: &'static [&'static str] = &[];
+
     /// Its usage after its name, where the last of its names is that of the output: clap does not know
     /// that one.
     fn usage() -> Option<String> {
@@ -69,7 +72,8 @@ impl Entry {
 }
 
 fn command<V: Verb>() -> Command {
-    let command = V::augment_args(Command::new(V::NAME));
+    let command =
+        V::augment_args(Command::new(V::NAME).visible_aliases(V::ALIASES.iter().copied()));
     let command = match V::about() {
         Some(about) => {
             let short = about.lines().next().unwrap_or_default().to_owned();

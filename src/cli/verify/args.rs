@@ -77,7 +77,7 @@ pub(crate) struct Args {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Lines")]
 pub(crate) struct Promises {
-    /// Largest distance allowed, as in terrane line [default: only measure it]
+    /// Largest distance allowed, as in terrane simplify [default: only measure it]
     #[arg(long, value_name = "LENGTH", value_parser = parse::length)]
     pub(crate) tolerance: Option<Length>,
     /// What a distance is: 3d for x, y and z

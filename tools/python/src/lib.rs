@@ -36,7 +36,7 @@ fn _terrane(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(operation::operations, module)?)?;
     module.add_function(wrap_pyfunction!(lines::read_lines, module)?)?;
     module.add_function(wrap_pyfunction!(lines::simplify_places, module)?)?;
-    module.add_function(wrap_pyfunction!(lines::simplify_file, module)?)?;
+    module.add_function(wrap_pyfunction!(lines::run_on_features, module)?)?;
     module.add_function(wrap_pyfunction!(lines::write_geometries, module)?)?;
     Ok(())
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyTuple};
 use terrane::{Cancel, Coordinates, ErrorKind, Method};
 use terrane_vector::{
     Coordinates as Places, Feature, Geometry, Kind, Layer, OpenOptions, Value, WriteOptions,
@@ -13,8 +13,9 @@ use terrane_vector::{
 use crate::error::told;
 use crate::grid::{crs_of, usage};
 use crate::mesh::{crs_text, rows};
+use crate::operation;
 use crate::report::dictionary;
-use crate::work::{Settings, run, with_machine};
+use crate::work::{Settings, run};
 
 /// Methods by the names of the command line.
 const METHODS: [(&str, Method); 5] = [
@@ -267,32 +268,21 @@ impl Ragged<'_> {
     }
 }
 
-/// Simplifies the features of a file into another.
+/// Runs an operation on the features of a file, with options by their names.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
-pub(crate) fn simplify_file<'py>(
+pub(crate) fn run_on_features<'py>(
     py: Python<'py>,
+    operation: &str,
     path: PathBuf,
     output: PathBuf,
-    tolerance: f64,
-    metres: bool,
-    method: &str,
-    topology: bool,
-    overwrite: bool,
+    options: &Bound<'py, PyDict>,
     settings: Settings,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let method = method_of(py, method)?;
+    let operation = operation::named(operation)?;
+    let options = told(py, operation::options_of(operation, options)?)?;
     let report = run(py, settings, |machine| {
         let features = terrane::open_features(path)?;
-        let builder = with_machine!(features.simplify(), machine).method(method);
-        let builder = builder.topology(topology).overwrite(overwrite);
-        let by_area = matches!(method, Method::Visvalingam | Method::WeightedVisvalingam);
-        match (by_area, metres) {
-            (true, _) => builder.area(tolerance),
-            (false, true) => builder.metres(tolerance),
-            (false, false) => builder.tolerance(tolerance),
-        }
-        .write(output)
+        features.run(operation, &output, &options, &machine.progress, &machine.cancel)
     })?;
     dictionary(py, &report)
 }

@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
-use terrane::{Error, Listed, OPERATIONS};
+use terrane::{Error, Listed, OPERATIONS, Reads};
 use terrane_files::name_of;
 use terrane_options::{Field, Kind, Shape};
 
@@ -25,7 +25,10 @@ pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
         let defaults = (operation.defaults)();
         let fields = operation.table.fields();
         let fields: Vec<Json> = fields.iter().map(|own| option(own, &defaults[own.name])).collect();
-        (operation.name.to_owned(), json!({ "about": operation.table.about, "options": fields }))
+        let of_grids = operation.reads == Reads::Grid;
+        let about = operation.table.about;
+        let told = json!({ "about": about, "of_grids": of_grids, "options": fields });
+        (operation.name.to_owned(), told)
     });
     dictionary(py, &told.collect::<Map<String, Json>>())
 }

@@ -40,6 +40,13 @@ pub struct Length {
     pub unit: Option<f64>,
 }
 
+impl Length {
+    /// So many metres, on the ellipsoid where the data are longitudes and latitudes.
+    pub fn metres(value: f64) -> Self {
+        Self { value, unit: Some(1.0) }
+    }
+}
+
 impl From<f64> for Length {
     /// In units of the data.
     fn from(value: f64) -> Self {

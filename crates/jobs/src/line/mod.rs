@@ -4,6 +4,7 @@
 mod each;
 mod files;
 mod goal;
+mod options;
 mod part;
 mod report;
 mod seek;
@@ -20,6 +21,7 @@ pub(crate) use each::thresholds;
 pub use files::outputs;
 pub(crate) use goal::measured as goal_of;
 pub use goal::{Goal, Length, Threshold};
+pub use options::{LineOptions, Metric};
 pub use report::{HierarchyReport, LineReport};
 pub use tool::Measure;
 pub(crate) use whole::positions;

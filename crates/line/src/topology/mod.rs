@@ -49,26 +49,35 @@ pub use round::{Rounded, round};
 use terrane_base::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
+use terrane_options::Choice;
 use tree::{Bounds, Tree};
 
 /// What to do with rings that collapse: of which fewer than three vertices would be kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Collapse {
-    /// Keep a ring of three vertices, or as many more as the rules ask for.
+    /// The smallest ring that keeps to the tolerance
+    ///
+    /// It has three vertices, or as many more as the rules ask for.
     #[default]
     Minimal,
-    /// Keep nothing of the ring, if it is one as a whole.
+    /// They go
+    ///
+    /// Nothing of a ring is kept, if it is one as a whole.
     Drop,
-    /// Keep all of its vertices.
+    /// All of their vertices stay
     Keep,
 }
 
 /// When a segment is tested.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Strategy {
+    /// Simplify, then put vertices back where lines cross
+    ///
     /// All chains are simplified, then what is wrong is refined, until nothing is.
     #[default]
     Retroactive,
+    /// Test each segment before it is accepted
+    ///
     /// A segment is accepted only when all vertices that are there at the time are on the right side
     /// of it: those accepted so far, and all vertices of chains to come. Slower, and keeps more where
     /// chains are close, as a chain has to leave room for details that the next one loses.

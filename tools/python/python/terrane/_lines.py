@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrane import _terrane
-from terrane._errors import refuse_existing, usage
-from terrane._numbers import needed, number, numbers
-from terrane._settings import Features, Path, settings, system
-from terrane._source import crs_text, opened
+from terrane._errors import usage
+from terrane._numbers import needed
+from terrane._settings import settings
+from terrane._source import crs_text
 
 METRICS = ("plane", "space", "metres")
 
@@ -76,7 +76,7 @@ def sorted_lines(
 
 def simplify(
     geometry: Any,
-    tolerance: float,
+    tolerance: float | None = None,
     method: str = "cone",
     *,
     offsets: Any = None,
@@ -87,6 +87,7 @@ def simplify(
     threads: int | None = None,
     memory: int | str | None = None,
     progress: Any = None,
+    **options: Any,
 ) -> Any:
     """Lines and polygons with fewer vertices: no vertex that is left out is further than `tolerance` from the segment in its place.
 
@@ -106,6 +107,9 @@ def simplify(
         Look at neighbours: no line comes to cross itself or another, and borders that are shared stay so.
     metric
         "plane": in x and y; "space": in x, y and z; "metres": on the ellipsoid, of longitudes and latitudes.
+    options
+        Of geometries: other options of `simplify_file`, such as `snap`, `collapse`, `strategy`, `decimals`, or `keep_ratio`,
+        `keep_count` or `target_size` in place of the tolerance.
     offsets, rings
         Of positions: where each line begins, and the end of the last one; whether lines are rings.
 
@@ -122,12 +126,15 @@ def simplify(
     """
     if metric not in METRICS:
         raise usage(f"there is no metric {metric!r}", f"choose one of {', '.join(METRICS)}")
-    tolerance = needed("tolerance", tolerance)
-    by_file = topology or metric == "metres"
+    if tolerance is not None or not options:
+        tolerance = needed("tolerance", tolerance)
+    asked = None
+    if topology or metric == "metres" or options:
+        asked = {**goal_of(tolerance, method, metric), "topology": topology, **options}
     run = settings(threads, memory, progress)
     plain = isinstance(geometry, np.ndarray) and geometry.dtype.kind in "fiu"
     if plain or offsets is not None:
-        if by_file or crs is not None:
+        if asked is not None or crs is not None:
             raise usage("positions have no neighbours and no system", "pass geometries of shapely")
         return of_positions(geometry, offsets, tolerance, method, metric, rings, run)
     if rings:
@@ -141,11 +148,11 @@ def simplify(
     if hasattr(geometry, "geometry") and hasattr(geometry, "set_geometry"):
         frame = geometry.copy()
         geometries, crs = geometry.geometry.to_numpy(), crs or geometry.crs
-        done = of_geometries(geometries, tolerance, method, by_file, topology, metric, crs, run)
+        done = of_geometries(geometries, tolerance, method, asked, metric, crs, run)
         return frame.set_geometry(type(geometry.geometry)(done, index=frame.index, crs=frame.crs))
     if hasattr(geometry, "to_numpy") and hasattr(geometry, "crs"):
         geometries, crs = geometry.to_numpy(), crs or geometry.crs
-        done = of_geometries(geometries, tolerance, method, by_file, topology, metric, crs, run)
+        done = of_geometries(geometries, tolerance, method, asked, metric, crs, run)
         return type(geometry)(done, index=geometry.index, crs=geometry.crs)
     if hasattr(geometry, "__arrow_c_stream__") or hasattr(geometry, "__arrow_c_array__"):
         import geopandas
@@ -165,18 +172,19 @@ def simplify(
             threads=threads,
             memory=memory,
             progress=progress,
+            **options,
         )
     array = np.atleast_1d(np.asarray(geometry, dtype=object))
     if not all(shapely.is_geometry(array.ravel()) | shapely.is_missing(array.ravel())):
         raise usage(f"a {type(geometry).__name__} holds no lines", "pass geometries of shapely")
-    done = of_geometries(array.ravel(), tolerance, method, by_file, topology, metric, crs, run)
+    done = of_geometries(array.ravel(), tolerance, method, asked, metric, crs, run)
     return done[0] if isinstance(geometry, shapely.Geometry) else done.reshape(array.shape)
 
 
 def of_positions(
     positions: Any,
     offsets: Any,
-    tolerance: float,
+    tolerance: Any,
     method: str,
     metric: str,
     rings: bool,
@@ -196,19 +204,18 @@ def of_positions(
 
 def of_geometries(
     geometries: NDArray[Any],
-    tolerance: float,
+    tolerance: Any,
     method: str,
-    by_file: bool,
-    topology: bool,
+    asked: dict[str, Any] | None,
     metric: str,
     crs: Any,
     run: Any,
 ) -> NDArray[Any]:
-    """Geometries of shapely, kind by kind and in bulk."""
+    """Geometries of shapely, kind by kind and in bulk; by way of files where options ask for that."""
     import shapely
 
-    if by_file:
-        return through_files(geometries, tolerance, method, topology, metric, crs, run)
+    if asked is not None:
+        return through_files(geometries, asked, crs, run)
     done = geometries.copy()
     kinds = shapely.get_type_id(geometries)
     kind_of = shapely.GeometryType
@@ -232,19 +239,24 @@ def of_geometries(
             done[places] = shapely.get_exterior_ring(some) if kind == kind_of.LINEARRING else some
     for place in np.flatnonzero(kinds == kind_of.GEOMETRYCOLLECTION):
         parts = shapely.get_parts(geometries[place])
-        parts = of_geometries(parts, tolerance, method, False, False, metric, crs, run)
+        parts = of_geometries(parts, tolerance, method, None, metric, crs, run)
         done[place] = shapely.geometrycollections(parts)
     return done
 
 
+def goal_of(tolerance: float | None, method: str, metric: str) -> dict[str, Any]:
+    """What is asked of a file of lines: the tolerance of a method that goes by area is one."""
+    goal = "area" if method.endswith("visvalingam") else "tolerance"
+    in_metres = metric == "metres" and goal == "tolerance" and tolerance is not None
+    return {
+        goal: f"{tolerance!r}m" if in_metres else tolerance,
+        "method": method,
+        "metric": "3d" if metric == "space" else "plane",
+    }
+
+
 def through_files(
-    geometries: NDArray[Any],
-    tolerance: float,
-    method: str,
-    topology: bool,
-    metric: str,
-    crs: Any,
-    run: Any,
+    geometries: NDArray[Any], asked: dict[str, Any], crs: Any, run: Any
 ) -> NDArray[Any]:
     """Geometries that are looked at together, by way of files; those in collections as if each were alone."""
     import shapely
@@ -256,7 +268,7 @@ def through_files(
     if len(nested) > 0:
         parts, owners = shapely.get_parts(geometries[nested], return_index=True)
         flat = np.concatenate([np.delete(geometries, nested), parts])
-        flat = through_files(flat, tolerance, method, topology, metric, crs, run)
+        flat = through_files(flat, asked, crs, run)
         alone, parts = np.split(flat, [len(geometries) - len(nested)])
         done[np.setdiff1d(np.arange(len(done)), nested)] = alone
         for number, place in enumerate(nested):
@@ -285,9 +297,8 @@ def through_files(
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         before, after = (os.path.join(folder, name) for name in ("before.wkt", "after.wkt"))
         _terrane.write_geometries(before, groups, crs_text(crs))
-        _terrane.simplify_file(
-            before, after, tolerance, metric == "metres", method, topology, False, run
-        )
+        machine = {key: run[key] for key in ("threads", "memory", "temp_dir")}
+        _terrane.run_on_features("simplify", before, after, {**asked, **machine}, run)
         with open(after) as file:
             found = shapely.from_wkt([line.rstrip("\n") for line in file if line.strip()])
     places = np.concatenate(order)

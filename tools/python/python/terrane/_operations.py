@@ -48,6 +48,16 @@ def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, An
         return grid.run(name, os.fspath(path), options, progress)
 
 
+def simplified(src: Any, path: Any, options: dict[str, Any]) -> dict[str, Any]:
+    """Runs the operation on features with all keywords that were given."""
+    progress = settings(None, None, options.pop("progress", None))
+    if options.get("to_crs") is not None:
+        options["to_crs"] = crs_text(options["to_crs"])
+    refuse_existing(os.fspath(path), bool(options.get("overwrite")))
+    names = os.fspath(src), os.fspath(path)
+    return _terrane.run_on_features("simplify", *names, options, progress)
+
+
 def written(name: str) -> Callable[..., dict[str, Any]]:
     """The function of an operation that writes a file."""
     before = [option["name"] for option in tables()[name]["options"] if option["positional"]]
@@ -58,6 +68,8 @@ def written(name: str) -> Callable[..., dict[str, Any]]:
         options.update(zip(before, names, strict=False))
         if len(names) != len(before) + 1:
             raise usage(f"{function.__name__} takes src, {', '.join([*before, 'path'])} and keywords")
+        if name == "simplify":
+            return simplified(src, names[-1], options)
         return run(name, src, names[-1], options)
 
     return documented(function, name)
@@ -79,6 +91,11 @@ def contour(
     if not np.array_equal(order, np.arange(len(order))):
         coordinates, offsets, values = sorted_lines(coordinates, offsets, values, order)
     return Lines(coordinates, offsets, values, crs)
+
+
+def called(name: str) -> str:
+    """The function of an operation. That which takes geometries is called `simplify`."""
+    return {"simplify": "simplify_file"}.get(name, name.replace("-", "_"))
 
 
 def parameters(name: str) -> list[inspect.Parameter]:
@@ -103,12 +120,13 @@ def parameters(name: str) -> list[inspect.Parameter]:
     else:
         found.append(kinds("path", kinds.POSITIONAL_OR_KEYWORD, annotation="Path"))
     found += [parameter(key, kinds.KEYWORD_ONLY) for key in list(options)]
-    return found + [parameter(key, kinds.KEYWORD_ONLY, None) for key in OF_SOURCE]
+    more = OF_SOURCE if tables()[name]["of_grids"] else ["progress"]
+    return found + [parameter(key, kinds.KEYWORD_ONLY, None) for key in more]
 
 
 def documented(function: Any, name: str) -> Any:
     """The function with its name, signature and documentation."""
-    function.__name__ = function.__qualname__ = name.replace("-", "_")
+    function.__name__ = function.__qualname__ = called(name)
     function.__module__ = __name__
     function.__signature__ = inspect.Signature(parameters(name))
     function.__doc__ = documentation(name)
@@ -120,7 +138,8 @@ def documentation(name: str) -> str:
     table = tables()[name]
     lines = [table["about"], "", "Parameters", "----------"]
     rows = [(option["name"], option["about"], option["usual"]) for option in table["options"]]
-    rows += [(key, about, None) for key, about in OF_SOURCE.items()]
+    own = {parameter.name for parameter in parameters(name)}
+    rows += [(key, about, None) for key, about in OF_SOURCE.items() if key in own]
     for key, about, usual in rows:
         text = about if usual is None else f"{about} (default: {usual})"
         lines += [key, textwrap.indent(textwrap.fill(text, 110), "    ")]
@@ -141,7 +160,7 @@ def stub() -> str:
         "def stub() -> str: ...",
     ]
     for name in tables():
-        lines.append(f"def {name.replace('-', '_')}(")
+        lines.append(f"def {called(name)}(")
         found = parameters(name)
         first = [own.kind for own in found].index(inspect.Parameter.KEYWORD_ONLY)
         for place, own in enumerate(found):
@@ -173,6 +192,7 @@ EXAMPLES = {
 
 documented(contour, "contour")
 convert = written("convert")
+simplify_file = written("simplify")
 slope = written("slope")
 aspect = written("aspect")
 hillshade = written("hillshade")

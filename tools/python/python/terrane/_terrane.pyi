@@ -18,7 +18,7 @@ __all__ = [
     "operations",
     "read_lines",
     "simplify_places",
-    "simplify_file",
+    "run_on_features",
     "write_geometries",
 ]
 
@@ -171,15 +171,8 @@ def simplify_places(
     rings: bool,
     settings: Settings,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
-def simplify_file(
-    path: str,
-    output: str,
-    tolerance: float,
-    metres: bool,
-    method: str,
-    topology: bool,
-    overwrite: bool,
-    settings: Settings,
+def run_on_features(
+    operation: str, path: str, output: str, options: dict[str, Any], settings: Settings
 ) -> dict[str, Any]: ...
 def write_geometries(
     path: str,
