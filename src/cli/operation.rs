@@ -41,7 +41,7 @@ impl Summary for ContourReport {
 }
 
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args<O: Operation + Has<GridInput>> {
+pub(super) struct Args<O: Operation + Has<GridInput> + Has<FileOutput>> {
     /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
     /// quotes are one mosaic. The last name is that of the file to write
     #[arg(required = true, value_names = value_names(O::TABLE), num_args = 1.., value_parser = names::any())]
@@ -72,7 +72,7 @@ fn positional(table: &'static Table) -> impl Iterator<Item = &'static Field> {
     table.fields().into_iter().filter(|field| field.positional)
 }
 
-impl<O: Operation<Report: Summary> + Has<GridInput>> Verb for Args<O> {
+impl<O: Operation<Report: Summary> + Has<GridInput> + Has<FileOutput>> Verb for Args<O> {
     const NAME: &'static str = O::NAME;
 
     fn about() -> Option<String> {
@@ -91,6 +91,7 @@ impl<O: Operation<Report: Summary> + Has<GridInput>> Verb for Args<O> {
             Writes::Grid => vec![lists::grids_written(), lists::creation_options()],
             Writes::Colours => vec![lists::creation_options()],
             Writes::Lines => vec![lists::features_written()],
+            Writes::Tiles => Vec::new(),
         };
         [vec![lists::grids()], written, vec![lists::EXIT_CODES.to_owned()]].concat()
     }
@@ -120,7 +121,9 @@ impl<O: Operation<Report: Summary> + Has<GridInput>> Verb for Args<O> {
         let mut output = self.output.clone();
         let stdout = match O::WRITES {
             Writes::Lines => pipes::Stdout::take(&mut output, file.format.as_deref(), &resources)?,
-            Writes::Grid | Writes::Colours => atomic::refuse_stdout(&output).map(|()| None)?,
+            Writes::Grid | Writes::Colours | Writes::Tiles => {
+                atomic::refuse_stdout(&output).map(|()| None)?
+            }
         };
         input = self.many.find(&input, grids)?;
         input.iter().try_for_each(|name| check_input(&grid, name))?;
@@ -200,7 +203,7 @@ fn check_input(grid: &GridInput, input: &str) -> Result<()> {
     }
 }
 
-impl<O: Operation + Has<GridInput>> Args<O> {
+impl<O: Operation + Has<GridInput> + Has<FileOutput>> Args<O> {
     /// Fails when a file to read is not there, or one to write is taken.
     fn check_files(
         &self,

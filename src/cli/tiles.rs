@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use crate::atomic;
 use crate::cli::shared::many::Many;
+use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, ground, lists, many, names, points, report, text};
 use crate::cloud;
 use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tiles::{self, Beyond, FORMATS, Format, Kept, TilesJob, TilesReport};
+use crate::jobs::tiles::{self, Kept, TileOptions, TilesJob, TilesReport};
 
 /// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail
 ///
@@ -58,66 +59,12 @@ pub(super) struct Args {
 /// What is asked of tiles.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Wanted {
-    /// What to write; given twice, a folder for each inside of the output
-    #[arg(long, short, value_name = "FORMAT", value_parser = parse_format, default_value = FORMATS[0].name,
-          long_help = formats_help(), help_heading = "Tiles")]
-    format: Vec<Format>,
-    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges, an extension that is not final), which
-    /// CesiumJS needs to take them for its terrain
-    #[arg(long, help_heading = "Tiles")]
-    tile_edges: bool,
-    /// Compress what is in a tile of 3D Tiles (EXT_meshopt_compression), which then takes less than half the bytes;
-    /// clients have to know the extension
-    #[arg(long, help_heading = "Tiles")]
-    meshopt: bool,
-    /// Hang a skirt from the sides of each tile of 3D Tiles, as deep as borders of its level and of the next coarser
-    /// one may differ, so that viewers without skirts of their own show no gap between levels
-    #[arg(long, help_heading = "Tiles")]
-    skirts: bool,
-    /// The deepest level [default: the first whose tiles have at most 64 samples along a side]
-    #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
-          help_heading = "Tiles")]
-    max_level: Option<u8>,
-    /// The ground between the edge of the grid and the sides of the tiles that hold it
-    #[arg(long, value_name = "GROUND", value_parser = parse_beyond, default_value = Beyond::ALL[0].1,
-          long_help = beyond_help(), help_heading = "Tiles")]
-    beyond: Beyond,
-    /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a file (GTX or GeoTIFF)
-    #[arg(long, value_name = "FILE", value_parser = names::any(), help_heading = "Tiles")]
-    pub(super) geoid: Option<String>,
-    /// Write no normals of vertices, which viewers light the ground by
-    #[arg(long, help_heading = "Tiles")]
-    no_normals: bool,
-    /// Write plain files; compressed ones (gzip) are to be served with "Content-Encoding: gzip"
-    #[arg(long, help_heading = "Tiles")]
-    no_gzip: bool,
+    #[command(flatten)]
+    pub(super) tiles: Tabled<TileOptions>,
     /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their
     /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(super) water: Option<String>,
-    /// Tell in each tile of quantized-mesh which of its 256 x 256 pixels are water of --water (the extension
-    /// "watermask"): those whose middle lies in a polygon
-    #[arg(long, help_heading = "Tiles")]
-    water_mask: bool,
-}
-
-impl Wanted {
-    /// The job with what is asked for.
-    pub(super) fn job(&self, job: TilesJob) -> TilesJob {
-        TilesJob {
-            geoid: self.geoid.clone(),
-            formats: self.format.clone(),
-            tile_edges: self.tile_edges,
-            meshopt: self.meshopt,
-            skirts: self.skirts,
-            water_mask: self.water_mask,
-            max_level: self.max_level,
-            beyond: self.beyond,
-            normals: !self.no_normals,
-            compress: !self.no_gzip,
-            ..job
-        }
-    }
 }
 
 impl Verb for Args {
@@ -147,35 +94,6 @@ impl Verb for Args {
     }
 }
 
-fn parse_format(name: &str) -> std::result::Result<Format, String> {
-    Format::named(name).ok_or_else(|| {
-        let names: Vec<_> = FORMATS.iter().map(|known| known.name).collect();
-        format!("the formats are {}", names.join(", "))
-    })
-}
-
-fn parse_beyond(name: &str) -> std::result::Result<Beyond, String> {
-    let names = Beyond::ALL.map(|(_, name, _)| name).join(", ");
-    Beyond::named(name).ok_or_else(|| format!("it may be {names}"))
-}
-
-fn beyond_help() -> String {
-    let lines = Beyond::ALL.map(|(_, name, about)| format!("{name:<15} {about}"));
-    format!(
-        "The ground between the edge of the grid and the sides of the tiles that hold it:\n{}",
-        lines.join("\n")
-    )
-}
-
-fn formats_help() -> String {
-    let lines = FORMATS.iter().map(|known| format!("{:<15} {}", known.name, known.about));
-    let lines: Vec<_> = lines.collect();
-    format!(
-        "What to write; given twice, a folder for each inside of the output:\n{}",
-        lines.join("\n")
-    )
-}
-
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.disk.check_workdir(args.workdir.as_deref())?;
     let resources = args.machine.resources();
@@ -191,13 +109,13 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::not_inputs(&names, &results)?;
     check::not_among(args.grid.clip.as_slice(), &results)?;
     check::not_among(args.wanted.water.as_slice(), &results)?;
-    check::not_among(args.wanted.geoid.as_slice(), &results)?;
-    let job = args.wanted.job(TilesJob {
+    check::not_among(args.wanted.tiles.0.geoid.as_slice(), &results)?;
+    let job = args.wanted.tiles.0.job(TilesJob {
         reading: args.grid.reading(args.wanted.water.as_ref()),
         overwrite: args.overwrite,
         resources,
         ..TilesJob::new(names, &args.output)
-    });
+    })?;
     let progress = args.show.progress();
     let report = match &args.workdir {
         None => tiles::run(&job, progress.as_ref(), cancel)?,
@@ -220,15 +138,15 @@ fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let results: Vec<&Path> =
         std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
-    let beside = args.wanted.water.iter().chain(&args.wanted.geoid).cloned().collect();
+    let beside = args.wanted.water.iter().chain(&args.wanted.tiles.0.geoid).cloned().collect();
     let read = [cloud::files(&names)?, args.points.files()?, beside].concat();
     check::not_among(&read, &results)?;
-    let job = args.wanted.job(TilesJob {
+    let job = args.wanted.tiles.0.job(TilesJob {
         reading: args.grid.reading(args.wanted.water.as_ref()),
         overwrite: args.overwrite,
         resources,
         ..TilesJob::new("", &args.output)
-    });
+    })?;
     let model = args.ground.model(names, args.many.reading(options));
     let (folder, disk) = (args.workdir.as_deref(), args.disk.check());
     let kept = folder.map(|folder| Kept { folder, skipped: &skipped, disk });

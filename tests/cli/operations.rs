@@ -38,7 +38,7 @@ const VALUES: &[(&str, &str, &str)] = &[
     ("kind", "\"profile\"", "{}"),
     ("levels", "[10, -2.5, 20]", "{\"interval\": null}"),
     ("like", "\"like.asc\"", "{\"resampling\": \"cubic\"}"),
-    ("memory", "\"64M\"", "{}"),
+    ("memory", "\"256M\"", "{}"),
     ("multidirectional", "true", "{}"),
     ("nearest", "true", "{}"),
     ("nodata", "0", "{}"),
@@ -75,6 +75,14 @@ const VALUES: &[(&str, &str, &str)] = &[
     ("strategy", "\"proactive\"", "{\"topology\": true, \"tolerance\": 90}"),
     ("target_size", "\"4K\"", "{\"tolerance\": null}"),
     ("topology", "true", "{\"tolerance\": 90}"),
+    ("beyond", "\"level\"", "{}"),
+    ("gzip", "false", "{}"),
+    ("max_level", "11", "{}"),
+    ("meshopt", "true", "{\"format\": [\"3dtiles\"]}"),
+    ("normals", "false", "{}"),
+    ("skirts", "true", "{\"format\": [\"3dtiles\"]}"),
+    ("tile_edges", "true", "{\"format\": [\"3dtiles\"]}"),
+    ("water_mask", "true", "{\"water\": \"lake.wkt\"}"),
 ];
 
 /// Options that cannot be tried here, with the reason.
@@ -89,6 +97,7 @@ fn needed(operation: &Listed) -> Map<String, Json> {
         "color-relief" => json!({ "colors": "colors.txt" }),
         "contour" => json!({ "interval": 10 }),
         "simplify" => json!({ "tolerance": 40 }),
+        "tiles" => json!({ "max_level": 12 }),
         _ => json!({}),
     };
     needed.as_object().unwrap().clone()
@@ -97,6 +106,7 @@ fn needed(operation: &Listed) -> Map<String, Json> {
 /// The file that an operation writes.
 fn output(operation: &Listed, options: &Map<String, Json>) -> &'static str {
     match (operation.name, options.get("format").and_then(Json::as_str)) {
+        ("tiles", _) => "out",
         ("contour" | "simplify", Some("FlatGeobuf")) => "out.fgb",
         ("contour" | "simplify", _) => "out.geojson",
         (_, Some("AAIGrid")) => "out.asc",
@@ -116,6 +126,7 @@ fn tried(operation: &Listed, field: &Field) -> Option<Map<String, Json>> {
     let value = match (field.name, operation.name) {
         ("format", "contour" | "simplify") => json!("FlatGeobuf"),
         ("format", "color-relief") => json!("COG"),
+        ("format", "tiles") => json!(["3dtiles"]),
         ("format", _) => json!("AAIGrid"),
         _ => serde_json::from_str(value).unwrap(),
     };
@@ -134,7 +145,12 @@ fn arguments(operation: &Listed, options: &Map<String, Json>) -> (Vec<String>, V
     let (mut names, mut arguments) = (Vec::new(), Vec::new());
     for (name, value) in options.iter().filter(|(_, value)| !value.is_null()) {
         let field = operation.table.find(name).unwrap();
-        let long = Door::CommandLine.spell(&format!("‹{name}›")).into_owned();
+        let long = match field.kind {
+            // `--bounds` of tiles is about clouds, which they are made of as well.
+            _ if (operation.name, field.name) == ("tiles", "bounds") => "--bbox".to_owned(),
+            Kind::Flag => Door::CommandLine.spell(&format!("‹{name}={value}›")).into_owned(),
+            _ => Door::CommandLine.spell(&format!("‹{name}›")).into_owned(),
+        };
         let texts = texts_of(field, value).unwrap();
         match (field.positional, field.kind, field.shape) {
             (true, ..) => names.extend(texts),
@@ -279,16 +295,29 @@ fn write_both(
     words.extend(arguments.iter().map(String::as_str));
     words.push("--json");
     let told: Json = serde_json::from_str(&place.ok(&words).out).unwrap();
-    let by_command_line = place.bytes(name);
     let output = place.path(name);
-    std::fs::remove_file(&output).unwrap();
+    let by_command_line = taken(&output);
     let options = in_place(place, operation, options);
     let report = by_library(place, operation, input, &output, &options).unwrap();
-    let written = place.bytes(name);
-    std::fs::remove_file(&output).unwrap();
+    let written = taken(&output);
     assert!(by_command_line == written, "{words:?}");
     assert_eq!(told["output_bytes"], report["output_bytes"], "{words:?}");
     written
+}
+
+/// What a file holds, or all files in a folder do, in the order of their names; it goes.
+fn taken(path: &Path) -> Vec<u8> {
+    if path.is_dir() {
+        let entries = std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path());
+        let mut inner: Vec<_> = entries.collect();
+        inner.sort();
+        let bytes = inner.iter().flat_map(|path| taken(path)).collect();
+        std::fs::remove_dir(path).unwrap();
+        return bytes;
+    }
+    let bytes = std::fs::read(path).unwrap();
+    std::fs::remove_file(path).unwrap();
+    bytes
 }
 
 /// What the library makes of it.

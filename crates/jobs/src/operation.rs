@@ -15,11 +15,12 @@ use crate::colours::ColorReliefOptions;
 use crate::contour::ContourOptions;
 use crate::convert::ConvertOptions;
 use crate::line::LineOptions;
-use crate::options::{FileOutput, GridOutput};
+use crate::options::GridOutput;
 use crate::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use crate::tiles::TilesOptions;
 use crate::{Cancel, Progress, Resources, Silent, memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_raster::Inputs;
@@ -29,6 +30,7 @@ pub const OPERATIONS: &[Listed] = &[
     Listed::of::<ConvertOptions>(),
     Listed::of::<ContourOptions>(),
     Listed::of::<LineOptions>(),
+    Listed::of::<TilesOptions>(),
     Listed::of::<SlopeOptions>(),
     Listed::of::<AspectOptions>(),
     Listed::of::<HillshadeOptions>(),
@@ -66,12 +68,12 @@ pub enum Writes {
     Colours,
     /// Lines.
     Lines,
+    /// A folder of tiles.
+    Tiles,
 }
 
 /// Something that is made of a grid or of features: a struct of options.
-pub trait Operation:
-    Options + Clone + fmt::Debug + Send + Sync + 'static + Has<FileOutput> + Has<Resources>
-{
+pub trait Operation: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> {
     /// Its name, which is that of its verb, with dashes.
     const NAME: &'static str;
     /// What it reads.

@@ -187,11 +187,11 @@ fn plan_of_tiles(args: &TilesArgs) -> Result<Outcome> {
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
     args.grid.check_all(&names)?;
-    let job = args.wanted.job(TilesJob {
+    let job = args.wanted.tiles.0.job(TilesJob {
         reading: args.grid.reading(args.wanted.water.as_ref()),
         resources,
         ..TilesJob::new(names, args.folder.join("tiles"))
-    });
+    })?;
     let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
     let report = plan_tiles(&plan)?;
     args.show.tell(&report, || status::tiles_summary(&report))?;

@@ -14,6 +14,8 @@ pub(crate) use told::{outcome, tell};
 
 use std::path::{Path, PathBuf};
 
+use terrane_options::Choice;
+
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, check, lists, many};
@@ -22,7 +24,7 @@ use crate::error::{Error, Result};
 use crate::files::name_of;
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
-use crate::jobs::tiles::FORMATS;
+use crate::jobs::tiles::Format;
 use crate::jobs::verify::tiles::is_tiles;
 
 impl Verb for Args {
@@ -43,7 +45,7 @@ impl Verb for Args {
 
 /// The first set of tiles in a folder that is none itself.
 fn one_of_sets(folder: &Path) -> Option<PathBuf> {
-    let mut sets = FORMATS.iter().map(|format| folder.join(format.name));
+    let mut sets = Format::names().into_iter().map(|format| folder.join(format.name));
     sets.find(|set| set.is_dir() && is_tiles(set))
 }
 

@@ -6,10 +6,7 @@ use numpy::{Element, PyArray1, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use terrane::{
-    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TilesBeyond, TilesFormat,
-    TinBuilder,
-};
+use terrane::{Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TinBuilder};
 use terrane_base::door::Door;
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
@@ -112,20 +109,6 @@ macro_rules! with_system {
     }};
 }
 pub(crate) use with_system;
-
-/// What tiles are to be, as Python has it.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-struct AskedTiles {
-    formats: Vec<String>,
-    geoid: Option<PathBuf>,
-    max_level: Option<u8>,
-    beyond: String,
-    tile_edges: bool,
-    meshopt: bool,
-    normals: bool,
-    compress: bool,
-}
 
 /// The inputs that names stand for.
 pub(crate) fn inputs(mut names: Vec<PathBuf>) -> terrane::Result<Inputs> {
@@ -342,51 +325,6 @@ impl Grid {
         })?;
         dictionary(py, &report)
     }
-
-    fn tiles<'py>(
-        &self,
-        py: Python<'py>,
-        path: PathBuf,
-        asked: AskedTiles,
-        overwrite: bool,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let report = run(py, settings, |machine| {
-            let mut builder = with_machine!(self.0.tiles(), machine)
-                .formats(&tile_formats(&asked.formats)?)
-                .beyond(tiles_beyond(&asked.beyond)?)
-                .tile_edges(asked.tile_edges)
-                .meshopt(asked.meshopt)
-                .normals(asked.normals)
-                .compress(asked.compress);
-            if let Some(file) = asked.geoid {
-                builder = builder.geoid(name_of(file)?);
-            }
-            if let Some(level) = asked.max_level {
-                builder = builder.max_level(level);
-            }
-            builder.overwrite(overwrite).write(path)
-        })?;
-        dictionary(py, &report)
-    }
-}
-
-/// The ground beyond a grid by its name.
-fn tiles_beyond(name: &str) -> terrane::Result<TilesBeyond> {
-    TilesBeyond::named(name).ok_or_else(|| {
-        terrane::Error::usage(format!("{name:?} is no ground beyond a grid"))
-            .remedy("choose \"taper\" or \"level\"")
-    })
-}
-
-/// The formats of tiles by their names.
-fn tile_formats(names: &[String]) -> terrane::Result<Vec<TilesFormat>> {
-    let unknown = |name: &str| {
-        terrane::Error::usage(format!("{name:?} is no format of tiles"))
-            .remedy("choose \"quantized-mesh\" or \"3dtiles\"")
-    };
-    let named = |name: &String| TilesFormat::named(name).ok_or_else(|| unknown(name));
-    names.iter().map(named).collect()
 }
 
 impl Grid {

@@ -37,6 +37,9 @@ fn option(field: &Field, default: &Json) -> Json {
     let is_several = matches!(field.shape, Shape::Repeated) || default.is_array();
     let default = if is_several || field.usual.is_some() { &Json::Null } else { default };
     let mut ty = type_of(field.kind);
+    if matches!((field.shape, field.kind), (Shape::Repeated, Kind::Choice(_))) {
+        ty = format!("{ty} | Sequence[{ty}]");
+    }
     if default.is_null() && !field.positional {
         ty += " | None";
     }

@@ -95,7 +95,7 @@ def test_options_of_tiles_do_what_they_say(heights: NDArray[np.float32], tmp_pat
         terrane.tiles(heights, tmp_path / "a", overwrite=True, **where)["tiles"] == usual["tiles"]
     )
     for options, words in [
-        ({"format": "b3dm"}, "'b3dm' is no format|\"b3dm\" is no format"),
+        ({"format": "b3dm"}, 'format is "b3dm": expected quantized-mesh or'),
         ({"geoid": tmp_path / "none.tif"}, "none.tif"),
         ({"crs": None}, "where on the globe"),
         ({"meshopt": True}, "3D Tiles|3dtiles"),

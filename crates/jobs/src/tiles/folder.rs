@@ -10,7 +10,7 @@ use std::sync::Mutex;
 use libdeflater::{CompressionLvl, Compressor};
 use serde_json::{Value, json};
 
-use super::format::{FORMATS, Format};
+use super::format::Format;
 use super::report::{LevelReport, TilesReport};
 use super::spans::Known;
 use super::{Ground, Opened, TilesJob, three};
@@ -18,6 +18,7 @@ use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_files::lock;
+use terrane_options::Choice;
 use terrane_tiles::{Extras, Facts, Form, Level, Tile, TileId, glb, level_error, quantized_mesh};
 
 /// The name of what says what there is.
@@ -134,7 +135,7 @@ impl Folder {
     fn inside(&self, set: usize) -> PathBuf {
         match self.formats.len() {
             1 => self.folder.inside().to_path_buf(),
-            _ => self.folder.inside().join(self.formats[set].known().name),
+            _ => self.folder.inside().join(self.formats[set].name()),
         }
     }
 
@@ -266,7 +267,7 @@ fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
     let told = rows.map(|((_, level), row)| {
         let of_level = &ground.levels[set][usize::from(*level)];
         LevelReport {
-            format: ground.opened.job.formats[set].known().name.to_owned(),
+            format: ground.opened.job.formats[set].name().to_owned(),
             level: *level,
             tolerance: level_error(*level).max(row.largest),
             step: of_level.step,
@@ -354,7 +355,7 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
 fn is_tiles(path: &Path) -> bool {
     let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let Ok(entries) = entries else { return false };
-    let is_set = |name: &std::ffi::OsStr| FORMATS.iter().any(|known| name == known.name);
+    let is_set = |name: &std::ffi::OsStr| Format::names().iter().any(|known| name == known.name);
     match !entries.is_empty() && entries.iter().all(|entry| is_set(&entry.file_name())) {
         true => entries.iter().all(|entry| is_one_set(&entry.path())),
         false => is_one_set(path),

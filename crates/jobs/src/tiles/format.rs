@@ -1,50 +1,16 @@
 //! The formats that tiles are written in.
 
 use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
 
-/// A format of tiles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// A format of tiles; its name is also that of a folder where a run makes several.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum Format {
-    /// Quantized-mesh 1.0, with `layer.json`.
+    /// quantized-mesh 1.0 and layer.json: terrain of CesiumJS and others
     #[serde(rename = "quantized-mesh")]
     QuantizedMesh,
-    /// 3D Tiles 1.1, with `tileset.json`.
+    /// 3D Tiles 1.1 of binary glTF, with implicit tiling: any viewer of 3D Tiles
+    #[choice(name = "3dtiles")]
     #[serde(rename = "3dtiles")]
     ThreeTiles,
-}
-
-/// A format, its name, and what it is.
-pub struct Known {
-    /// Which.
-    pub format: Format,
-    /// As an option names it; also a folder where a run makes several.
-    pub name: &'static str,
-    /// In a line.
-    pub about: &'static str,
-}
-
-/// All formats.
-pub const FORMATS: [Known; 2] = [
-    Known {
-        format: Format::QuantizedMesh,
-        name: "quantized-mesh",
-        about: "quantized-mesh 1.0 and layer.json: terrain of CesiumJS and others",
-    },
-    Known {
-        format: Format::ThreeTiles,
-        name: "3dtiles",
-        about: "3D Tiles 1.1 of binary glTF, with implicit tiling: any viewer of 3D Tiles",
-    },
-];
-
-impl Format {
-    /// Its entry.
-    pub fn known(self) -> &'static Known {
-        FORMATS.iter().find(|known| known.format == self).unwrap_or(&FORMATS[0])
-    }
-
-    /// The format of a name.
-    pub fn named(name: &str) -> Option<Self> {
-        FORMATS.iter().find(|known| known.name == name).map(|known| known.format)
-    }
 }

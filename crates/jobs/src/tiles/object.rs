@@ -5,11 +5,12 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::folder::Made;
-use super::format::FORMATS;
+use super::format::Format;
 use super::spans::Known;
 use crate::plan::damaged_object;
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::AtomicFile;
+use terrane_options::Choice;
 use terrane_tiles::{DEEPEST, Facts, Gathered, TileId};
 
 /// Bytes of an index for a tile: set, level, column, row, vertices, triangles, numbers of facts and bytes as `u32`, the
@@ -154,7 +155,7 @@ fn entry(bytes: &[u8]) -> Option<Entry> {
     let id = TileId { level, x: next()?, y: next()? };
     let (vertices, triangles, facts, bytes) = (next()?, next()?, next()?, next()?);
     let largest = f64::from_le_bytes(largest.try_into().ok()?);
-    let is_known = set == NO_SET || (set as usize) < FORMATS.len();
+    let is_known = set == NO_SET || (set as usize) < Format::ALL.len();
     let set = (set != NO_SET).then_some(set as usize);
     let made = Made { set, id, largest, vertices, triangles, facts: None, bytes: Vec::new() };
     let is_whole = is_known && (facts == 0 || facts as usize == FACTS);

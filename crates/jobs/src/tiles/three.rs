@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use serde_json::{Map, Value, json};
+use terrane_options::Choice;
 
 use super::report::LevelReport;
 use super::{Ground, Opened};

@@ -13,6 +13,8 @@ use super::place::Place;
 use super::report::{TilesReport, TilesRun, TilesStatus};
 use super::spans::Known;
 use super::{Ground, Opened, TilesJob, glance, is_missing, probe};
+use terrane_options::Choice;
+
 use crate::figures::Figures;
 use crate::memory::{self, with_slack};
 use crate::plan::{
@@ -220,14 +222,7 @@ impl Work for Tiles {
     fn tell(&self) -> StatusReport<TilesStatus> {
         StatusReport {
             input: self.method.job.input.to_string(),
-            format: self
-                .method
-                .job
-                .formats
-                .iter()
-                .map(|f| f.known().name)
-                .collect::<Vec<_>>()
-                .join(", "),
+            format: self.method.job.formats.iter().map(|f| f.name()).collect::<Vec<_>>().join(", "),
             of: TilesStatus { max_level: self.method.last, samples: self.grid.samples() },
             ..StatusReport::default()
         }

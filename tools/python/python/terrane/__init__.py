@@ -52,13 +52,13 @@ if TYPE_CHECKING:
         roughness,
         simplify_file,
         slope,
+        tiles,
         tpi,
         tri,
     )
     from terrane._plans import Plan, open_plan, plan, plan_cloud_tin
     from terrane._points import plan_points, points
     from terrane._terrane import __version__
-    from terrane._tiles import tiles
     from terrane._tin import Report, tin, verify, write_tin
     from terrane.delatin import Delatin
 
@@ -68,11 +68,10 @@ _WHERE = {
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
     "_lines": "Lines simplify",
     "_mesh": "Mesh",
-    "_operations": "aspect color_relief contour convert curvature hillshade roughness simplify_file slope tpi tri",
+    "_operations": "aspect color_relief contour convert curvature hillshade roughness simplify_file slope tiles tpi tri",
     "_plans": "Plan open_plan plan plan_cloud_tin",
     "_points": "plan_points points",
     "_terrane": "__version__",
-    "_tiles": "tiles",
     "_tin": "Report tin verify write_tin",
     "delatin": "Delatin",
 }

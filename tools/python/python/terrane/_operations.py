@@ -180,6 +180,13 @@ EXAMPLES = {
         >>> len(lines), lines.levels.tolist(), lines[0].shape[1]
         (2, [5.0, 10.0], 2)
     """,
+    "tiles": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     made = terrane.tiles("synth:rough,size=129", os.path.join(folder, "tiles"), max_level=11)
+        ...     all(level["error"] <= level["tolerance"] for level in made["levels"])
+        True
+    """,
     "slope": """
         >>> import os, tempfile, terrane
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -199,5 +206,6 @@ hillshade = written("hillshade")
 color_relief = written("color-relief")
 curvature = written("curvature")
 roughness = written("roughness")
+tiles = written("tiles")
 tpi = written("tpi")
 tri = written("tri")

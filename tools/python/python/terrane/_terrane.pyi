@@ -72,9 +72,6 @@ class Grid:
     def run(
         self, operation: str, path: str, options: dict[str, Any], settings: Settings
     ) -> dict[str, Any]: ...
-    def tiles(
-        self, path: str, asked: dict[str, Any], overwrite: bool, settings: Settings
-    ) -> dict[str, Any]: ...
 
 @final
 class Mesh:

@@ -1,0 +1,129 @@
+//! What is said of tiles that are to be made.
+
+use std::path::Path;
+
+use terrane_options::{Options, Range, check};
+
+use super::{Beyond, Format, TilesJob, TilesReport, run};
+use crate::operation::{Operation, Writes};
+use crate::options::{FileName, GridInput};
+use crate::{Cancel, Progress, Resources};
+use terrane_base::error::Result;
+use terrane_raster::Inputs;
+
+/// What tiles hold
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Tiles")]
+pub struct TileOptions {
+    /// What to write; of several, a folder for each inside of the output
+    #[option(short = 'f', value = "FORMAT", default = vec![Format::QuantizedMesh], usual = "quantized-mesh")]
+    pub format: Vec<Format>,
+    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges, an extension that is not final), which CesiumJS needs
+    /// to take them for its terrain
+    pub tile_edges: bool,
+    /// Compress what is in a tile of 3D Tiles (EXT_meshopt_compression), which then takes less than half the bytes; clients
+    /// have to know the extension
+    pub meshopt: bool,
+    /// Hang a skirt from the sides of each tile of 3D Tiles, as deep as borders of its level and of the next coarser one may
+    /// differ, so that viewers without skirts of their own show no gap between levels
+    pub skirts: bool,
+    /// The deepest level
+    #[option(value = "LEVEL", range = Range::new(0.0, 20.0),
+             usual = "the first whose tiles have at most 64 samples along a side")]
+    pub max_level: Option<u8>,
+    /// The ground between the edge of the grid and the sides of the tiles that hold it
+    #[option(value = "GROUND")]
+    pub beyond: Beyond,
+    /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a file (GTX or GeoTIFF)
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub geoid: Option<String>,
+    /// Write normals of vertices, which viewers light the ground by
+    #[option(
+        default = true,
+        off = "Write no normals of vertices, which viewers light the ground by"
+    )]
+    pub normals: bool,
+    /// Compress each file (gzip); they are to be served with "Content-Encoding: gzip"
+    #[option(
+        alias = "compress",
+        default = true,
+        off = "Write plain files; compressed ones (gzip) are to be served with \"Content-Encoding: gzip\""
+    )]
+    pub gzip: bool,
+    /// Tell in each tile of quantized-mesh which of its 256 x 256 pixels are water of ‹water› (the extension "watermask"):
+    /// those whose middle lies in a polygon
+    pub water_mask: bool,
+}
+
+impl TileOptions {
+    /// The job with what is asked for.
+    ///
+    /// # Errors
+    /// Usage: values that cannot be.
+    pub fn job(&self, job: TilesJob) -> Result<TilesJob> {
+        check(self)?;
+        Ok(TilesJob {
+            geoid: self.geoid.clone(),
+            formats: self.format.clone(),
+            tile_edges: self.tile_edges,
+            meshopt: self.meshopt,
+            skirts: self.skirts,
+            water_mask: self.water_mask,
+            max_level: self.max_level,
+            beyond: self.beyond,
+            normals: self.normals,
+            compress: self.gzip,
+            ..job
+        })
+    }
+}
+
+/// Make terrain tiles of a grid for viewers of the globe, at every level of detail
+///
+/// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the grid, and
+/// layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it
+/// on the bent earth, than clients take its level to be off by (77 km at level 0, half as much at each further one), or than
+/// its level states where the steps of its positions cannot tell samples apart. Tiles beside each other have the same
+/// border. Voids are spanned. The grid may be in any system; its samples are brought to WGS 84, and none is made up.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+pub struct TilesOptions {
+    /// What tiles hold.
+    #[option(flatten)]
+    pub tiles: TileOptions,
+    /// Replace a folder of tiles that exists
+    #[option(role = Run)]
+    pub overwrite: bool,
+    /// What is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// What the job may use.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+impl Operation for TilesOptions {
+    const NAME: &'static str = "tiles";
+    const WRITES: Writes = Writes::Tiles;
+    type Report = TilesReport;
+
+    fn check(&self, _output: &Path) -> Result<()> {
+        Ok(())
+    }
+
+    fn run(
+        &self,
+        inputs: &Inputs,
+        output: &Path,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<TilesReport> {
+        let job = self.tiles.job(TilesJob {
+            reading: self.grid.clone(),
+            overwrite: self.overwrite,
+            resources: self.resources.clone(),
+            ..TilesJob::new(inputs.clone(), output)
+        })?;
+        run(&job, progress, cancel)
+    }
+}
