@@ -95,9 +95,7 @@ impl Given {
     /// Whether a term is so.
     fn is(&self, term: &str) -> bool {
         match term.split_once('=') {
-            Some((name, value)) => {
-                self.now.get(name).is_some_and(|now| *now == *value || now.to_string() == value)
-            }
+            Some((name, value)) => self.now.get(name).is_some_and(|now| text(now) == value),
             None => self.now.get(term) != self.usual.get(term),
         }
     }
@@ -139,6 +137,11 @@ impl Given {
             }
         }
     }
+}
+
+/// A value as terms have it.
+fn text(value: &Json) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
 fn together(name: &str, other: &str) -> Error {
