@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use terrane_options::{Options, check as check_options};
 
 use crate::atomic;
-use crate::cli::operation::{needed, reads};
+use crate::cli::operation::needed;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
@@ -14,6 +14,7 @@ use crate::door::Door;
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::line::{self, HierarchyReport, LineJob, LineOptions, LineReport, Measure};
+use crate::jobs::operation::read_beside;
 use crate::jobs::sift::Sifted;
 use crate::vector;
 
@@ -35,6 +36,9 @@ pub(super) struct Args {
     pub(super) many: many::Many,
     #[command(flatten)]
     options: Tabled<LineOptions>,
+    /// File or folder to write, where it is not the last name
+    #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
+    named: Option<PathBuf>,
     /// Write the report to this JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
@@ -59,7 +63,10 @@ impl Verb for Args {
     }
 
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
-        Some((&mut self.input, &mut self.output))
+        let Self { input, output, named, .. } = self;
+        let Some(named) = named.take() else { return Some((input, output)) };
+        *output = named;
+        None
     }
 
     fn many(&self) -> Option<&Many> {
@@ -98,10 +105,10 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     }
     let job = LineJob { into_folder, ..options.job(&input, &output)? };
     job.check()?;
+    check_report(&job, args.report.as_deref(), &[&input[..], &read_beside(options)?].concat())?;
     stdin.gather(&mut input, cancel)?;
     let Sifted { names, skipped } = args.many.sift(input, features, resources)?;
     let job = LineJob { into_folder, ..options.job(&names, &output)? };
-    check_report(&job, args.report.as_deref(), &names)?;
     let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
@@ -119,7 +126,7 @@ fn check_files(
     output: &Path,
     report: Option<&Path>,
 ) -> Result<()> {
-    let beside = reads(options);
+    let beside = read_beside(options)?;
     check::beside(&beside)?;
     let outputs: Vec<&Path> = std::iter::once(output).chain(options.hierarchy.as_deref()).collect();
     check::not_among(&[input, &beside].concat(), &outputs)?;

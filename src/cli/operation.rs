@@ -3,22 +3,22 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{
-    Field, Json, Options, Role, Rule, Table, changed, check as check_options, set_texts, to_map,
-};
+use terrane_options::{Field, Rule, Table, changed, check as check_options, set_texts};
 
 use crate::atomic;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report};
+use crate::cli::synth;
 use crate::door::Door;
 use crate::error::{Error, Result};
+use crate::files::is_made;
 use crate::jobs::Resources;
 use crate::jobs::contour::ContourReport;
 use crate::jobs::convert::ConvertReport;
 use crate::jobs::memory::cache_beside;
-use crate::jobs::operation::{Has, Operation, Writes};
+use crate::jobs::operation::{Has, Operation, Writes, read_beside};
 use crate::jobs::options::{FileOutput, GridInput};
 use crate::jobs::sift::Sifted;
 use crate::raster::{self, OpenOptions};
@@ -76,7 +76,10 @@ impl<O: Operation<Report: Summary> + Has<GridInput> + Has<FileOutput>> Verb for 
     const NAME: &'static str = O::NAME;
 
     fn about() -> Option<String> {
-        Some(Door::CommandLine.spell(O::TABLE.about).into_owned())
+        let names = positional(O::TABLE)
+            .map(|field| format!("\n\n{}: {}", field.value.unwrap_or_default(), field.about));
+        let about = O::TABLE.about.to_owned() + &names.collect::<String>();
+        Some(Door::CommandLine.spell(&about).into_owned())
     }
 
     fn usage() -> Option<String> {
@@ -131,12 +134,11 @@ impl<O: Operation<Report: Summary> + Has<GridInput> + Has<FileOutput>> Verb for 
         self.check_files(&options, &input, &output, file.overwrite)?;
         stdin.gather(&mut input, call.cancel)?;
         let Sifted { names, skipped } = self.many.sift(input, grids, &resources)?;
-        let made = options.run(
-            &stdin.inputs(names),
-            &output,
-            self.show.progress().as_ref(),
-            call.cancel,
-        )?;
+        let are_made = names.iter().all(|name| is_made(name));
+        let inputs = stdin.inputs(names);
+        let made = options
+            .run(&inputs, &output, self.show.progress().as_ref(), call.cancel)
+            .map_err(|error| if are_made { synth::size(error) } else { error })?;
         stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
         let told = report::WithSkipped { report: &made, skipped: &skipped };
         if let Some(path) = &self.report {
@@ -176,14 +178,6 @@ pub(super) fn needed(table: &'static Table) -> String {
     })
 }
 
-/// The files that are read beside the inputs.
-pub(super) fn reads<O: Options>(options: &O) -> Vec<String> {
-    let values = to_map(options);
-    let fields = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Reads);
-    let names = fields.filter_map(|field| values.get(field.name).and_then(Json::as_str));
-    names.map(str::to_owned).collect()
-}
-
 /// How each file of a grid is opened.
 fn open_options(grid: &GridInput, resources: &Resources) -> OpenOptions {
     let (band, nodata, threads) = (grid.band, grid.nodata, resources.threads);
@@ -212,11 +206,11 @@ impl<O: Operation + Has<GridInput> + Has<FileOutput>> Args<O> {
         output: &Path,
         overwrite: bool,
     ) -> Result<()> {
-        let beside = reads(options);
-        let files = [raster::files(input)?, beside.clone()].concat();
+        let beside = read_beside(options)?;
+        check::beside(&beside)?;
+        let files = [raster::files(input)?, beside].concat();
         check::not_among(&files, &[output])?;
         check::new_file(output, overwrite)?;
-        check::beside(&beside)?;
         check::report(self.report.as_deref(), &files, &[output], overwrite)
     }
 }

@@ -87,8 +87,8 @@ fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
     tell(&made.map_err(size)?, args)
 }
 
-/// The size of a terrain was asked for here: beyond a limit, it is no fault of a file.
-fn size(error: Error) -> Error {
+/// The size of a terrain by name was asked for: beyond a limit, it is no fault of a file.
+pub(super) fn size(error: Error) -> Error {
     match error.kind() {
         ErrorKind::Limit => {
             Error::usage(format!("a store cannot hold a terrain of this size: {error}"))

@@ -9,6 +9,7 @@ use clap::error::ErrorKind::{
 };
 
 use crate::cli::shared::say;
+use crate::door::Door;
 use crate::error::ErrorKind;
 
 /// Prints what clap has to say of a command line and returns the exit code.
@@ -23,7 +24,8 @@ pub(super) fn report(error: &clap::Error, args: &[OsString], command: &Command) 
             ErrorKind::Usage.exit_code().into()
         }
         _ => {
-            say::failure(&one_line(&error.render().to_string(), args, command));
+            let text = one_line(&error.render().to_string(), args, command);
+            say::failure(&Door::CommandLine.spell(&text));
             ErrorKind::Usage.exit_code().into()
         }
     }

@@ -389,6 +389,99 @@ fn refuse_both(place: &Place, operation: &Listed, name: &str, other: &str) {
 }
 
 #[test]
+fn nothing_that_is_read_is_replaced() {
+    let place = place();
+    let wkt = "LINESTRING (0 0, 1 0.1, 2 0)";
+    for name in ["many", "new"] {
+        std::fs::create_dir(place.path(name)).unwrap();
+    }
+    for name in ["many/a.wkt", "many/b.wkt"] {
+        place.write(name, wkt);
+    }
+    place.write("points.wkt", "POINT (1 1)");
+    place.ok(&["convert", TERRAIN, "member.tif", "-q"]);
+    let vrt = "<VRTDataset rasterXSize=\"90\" rasterYSize=\"90\"><VRTRasterBand dataType=\"Float32\" band=\"1\">\
+               <SimpleSource><SourceFilename relativeToVRT=\"1\">member.tif</SourceFilename><SourceBand>1</SourceBand>\
+               <SrcRect xOff=\"0\" yOff=\"0\" xSize=\"90\" ySize=\"90\"/><DstRect xOff=\"0\" yOff=\"0\" xSize=\"90\" \
+               ySize=\"90\"/></SimpleSource></VRTRasterBand></VRTDataset>";
+    place.write("all.vrt", vrt);
+    let (simple, sides) = (["--tolerance", "5"], ["--topology", "--sides", "points.wkt"]);
+    for args in [
+        &["simplify", "many", "many", simple[0], simple[1]][..],
+        &["simplify", "many/a.wkt", "points.wkt", "many", simple[0], simple[1]],
+        &[
+            "simplify",
+            "lines.wkt",
+            "o.wkt",
+            "--tolerance",
+            "5",
+            sides[0],
+            sides[1],
+            sides[2],
+            "--report",
+            "points.wkt",
+        ],
+        &[
+            "simplify",
+            "many/a.wkt",
+            "many/b.wkt",
+            "new",
+            "--tolerance",
+            "5",
+            "--hierarchy",
+            "new/a.wkt",
+        ],
+        &["slope", "all.vrt", "member.tif"],
+        &["contour", "all.vrt", "member.tif", "-f", "GeoJSON", "-i", "9"],
+        &["convert", TERRAIN, "like.asc", "--like", "like*.asc", "--resampling", "near"],
+    ] {
+        let before: Vec<_> = ["many/a.wkt", "points.wkt", "member.tif", "like.asc"]
+            .map(|name| place.bytes(name))
+            .into();
+        let ran = place.run(&[args, &["--overwrite"]].concat());
+        assert_eq!(ran.code, 2, "{args:?}: {}", ran.err);
+        let after: Vec<_> = ["many/a.wkt", "points.wkt", "member.tif", "like.asc"]
+            .map(|name| place.bytes(name))
+            .into();
+        assert!(before == after, "{args:?}");
+    }
+    assert_eq!(std::fs::read_dir(place.path("new")).unwrap().count(), 0);
+    assert!(!place.path("o.wkt").exists());
+}
+
+#[test]
+fn values_and_names_are_taken_as_they_are_written() {
+    let place = place();
+    for args in [
+        &["convert", TERRAIN, "a.tif", "--type", "Float64"][..],
+        &["simplify", "lines.wkt", "a.wkt", "--tolerance", "5", "--method", "RDP"],
+        &["contour", TERRAIN, "d.wkt", "--levels", "10,20", "--levels", "30"],
+        &["convert", TERRAIN, "b.tif", "--like", "li*.asc", "--resampling", "near"],
+    ] {
+        place.ok(args);
+    }
+    let wkt = String::from_utf8(place.bytes("a.wkt")).unwrap();
+    assert!(!wkt.is_empty());
+    place.fails(
+        &["contour", TERRAIN, "c.wkt", "--levels", "", "--interval", "5"],
+        2,
+        &["--levels"],
+    );
+    place.fails(&["convert", "synth:rough,size=20000000", "c.tif"], 2, &["choose a smaller size"]);
+    place.fails(&["simplify", "lines.wkt", "c.wkt", "--decimals", "300"], 2, &["from 0 to 17"]);
+    // No name is mistaken for an option.
+    place.ok(&["convert", TERRAIN, "‹fit›.tif", "-q"]);
+    let told = place.ok(&["slope", "‹fit›.tif", "s.tif", "--json"]).out;
+    let report: Json = serde_json::from_str(&told).unwrap();
+    assert_eq!(report["input"], "‹fit›.tif");
+    place.fails(&["slope", "‹no›.tif", "t.tif"], 65, &["‹no›.tif: no such file"]);
+    for verb in OPERATIONS.iter().map(|operation| operation.name) {
+        let help = place.ok(&[verb, "--help"]).out;
+        assert!(!help.contains('‹'), "{help}");
+    }
+}
+
+#[test]
 fn names_that_are_none_suggest_the_nearest() {
     let place = place();
     let place_of = |name: &str| place.path(name);

@@ -51,6 +51,28 @@ impl Door {
         Cow::Owned(spelled + rest)
     }
 
+    /// A report as JSON with the options in its notes spelled, and in what else is said to people; names of files and
+    /// other values stay as they are. Takes time linear in the text.
+    ///
+    /// ```
+    /// use terrane_base::door::Door;
+    /// let report = r#"{"input":"‹fit›.tif","notes":["‹fit› helps"]}"#;
+    /// assert_eq!(Door::Python.spell_report(report), r#"{"input":"‹fit›.tif","notes":["fit helps"]}"#);
+    /// ```
+    pub fn spell_report(self, report: &str) -> Cow<'_, str> {
+        if !report.contains(OPEN) {
+            return Cow::Borrowed(report);
+        }
+        let (mut spelled, mut rest) = (String::with_capacity(report.len()), report);
+        while let Some(start) = TOLD.iter().filter_map(|key| value_of(rest, key)).min() {
+            let end = start + length(&rest[start..]);
+            spelled += &rest[..start];
+            spelled += &self.spell(&rest[start..end]);
+            rest = &rest[end..];
+        }
+        Cow::Owned(spelled + rest)
+    }
+
     /// An option alone: its name, or `name=value`.
     fn option(self, option: &str) -> String {
         let (name, value) = option.split_once('=').unzip();
@@ -70,6 +92,35 @@ impl Door {
     }
 }
 
+/// Members of reports that are said to people.
+const TOLD: [&str; 7] = ["notes", "not_judged", "failures", "reason", "remedy", "about", "usual"];
+
+/// Where the value of a member begins.
+fn value_of(json: &str, key: &str) -> Option<usize> {
+    let key = format!("\"{key}\":");
+    let is_key = |at: &usize| !json[..*at].ends_with('\\');
+    let found = json.match_indices(&key).map(|(at, _)| at).find(is_key)?;
+    Some(found + key.len())
+}
+
+/// Bytes of a JSON value and of white space before it: a text, or a list of such, or what comes before a comma.
+fn length(json: &str) -> usize {
+    let (mut depth, mut is_text, mut is_escaped) = (0_u32, false, false);
+    for (at, c) in json.char_indices() {
+        match c {
+            _ if is_escaped => is_escaped = false,
+            '\\' if is_text => is_escaped = true,
+            '"' => is_text = !is_text,
+            _ if is_text => {}
+            '[' | '{' => depth += 1,
+            ']' | '}' if depth > 0 => depth -= 1,
+            ',' | ']' | '}' if depth == 0 => return at,
+            _ => {}
+        }
+    }
+    json.len()
+}
+
 /// True for a name as fields have them, with or without a value: anything else between the signs is text.
 fn is_option(text: &str) -> bool {
     let name = text.split_once('=').map_or(text, |(name, _)| name);
@@ -80,6 +131,23 @@ fn is_option(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::Door::{CommandLine, Python};
+
+    #[test]
+    fn values_of_reports_stay_and_notes_are_spelled() {
+        for (report, spelled) in [
+            (
+                r#"{"a": "‹fit›", "notes": ["‹fit›, \"]‹b›"], "b": ["‹c›"]}"#,
+                r#"{"a": "‹fit›", "notes": ["fit, \"]b"], "b": ["‹c›"]}"#,
+            ),
+            (
+                r#"{"a": "\"notes\":[\"‹fit›\"]", "remedy": "‹fit›", "z": "‹d›"}"#,
+                r#"{"a": "\"notes\":[\"‹fit›\"]", "remedy": "fit", "z": "‹d›"}"#,
+            ),
+            (r#"{"remedy":null,"x":"‹d›","notes":[]}"#, r#"{"remedy":null,"x":"‹d›","notes":[]}"#),
+        ] {
+            assert_eq!(Python.spell_report(report), spelled);
+        }
+    }
 
     #[test]
     fn each_door_spells_options_and_leaves_other_text() {

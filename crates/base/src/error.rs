@@ -1,8 +1,11 @@
 //! The one error type: what kind of failure, in which file, at which place, and what to do about it.
 
+use std::borrow::Cow;
 use std::fmt::{self, Write};
 use std::io;
 use std::path::{Path, PathBuf};
+
+use crate::door::Door;
 
 /// Result of every fallible call in this crate.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -116,12 +119,14 @@ impl Error {
         self.kind == ErrorKind::BadInput && self.source.as_ref().is_some_and(is_not_found)
     }
 
-    /// As it displays, without the failures that it stands for.
-    pub fn summary(&self) -> String {
+    /// In the words of a door, without the failures that it stands for.
+    pub fn summary(&self, door: Door) -> String {
         let Self { kind, message, remedy, .. } = self;
         match (&self.several, remedy) {
-            (Some(_), Some(remedy)) => Self::new(*kind, message).remedy(remedy).to_string(),
-            _ => self.to_string(),
+            (Some(_), Some(remedy)) => {
+                Self::new(*kind, message).remedy(remedy).spelled(door).to_string()
+            }
+            _ => self.spelled(door).to_string(),
         }
     }
 
@@ -302,8 +307,32 @@ impl Error {
     }
 }
 
+/// An error with its options in the words of a door; names of files stay as they are.
+pub struct Spelled<'a> {
+    error: &'a Error,
+    door: Door,
+}
+
+impl fmt::Display for Spelled<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.error.write_line(f, Some(self.door))
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write_line(f, None)
+    }
+}
+
+impl Error {
+    /// The same in the words of a door.
+    pub fn spelled(&self, door: Door) -> Spelled<'_> {
+        Spelled { error: self, door }
+    }
+
+    fn write_line(&self, f: &mut fmt::Formatter<'_>, door: Option<Door>) -> fmt::Result {
+        let spelled = |text| door.map_or(Cow::Borrowed(text), |door| door.spell(text));
         let mut line = OneLine(f);
         if let Some(path) = &self.path {
             write!(line, "{}: ", path.display())?;
@@ -311,12 +340,16 @@ impl fmt::Display for Error {
         if let Some(place) = &self.place {
             write!(line, "{place}: ")?;
         }
-        write!(line, "{}", self.message)?;
+        write!(line, "{}", spelled(&self.message))?;
         for (i, inner) in self.each().iter().enumerate() {
-            write!(line, "{}{inner}", if i == 0 { ": " } else { " | " })?;
+            line.write_str(if i == 0 { ": " } else { " | " })?;
+            match door {
+                Some(door) => write!(line, "{}", inner.spelled(door))?,
+                None => write!(line, "{inner}")?,
+            }
         }
         if let Some(remedy) = &self.remedy {
-            write!(line, "; {remedy}")?;
+            write!(line, "; {}", spelled(remedy))?;
         }
         Ok(())
     }

@@ -56,7 +56,7 @@ fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     let [own, others] = first.1.told_apart(other.1);
     let remedy = match !first.1.is_named() || !other.1.is_named() {
         true => "if it is the same one, say so with ‹crs›; else bring both into one",
-        false => "bring both into one, for example with pdal translate --filter reprojection",
+        false => "bring both into one, for example with filters.reprojection of PDAL",
     };
     Error::bad_input(format!(
         "its coordinate reference system is {others}, and that of {} is {own}",

@@ -173,8 +173,8 @@ fn too_wide(axis: usize, scale: f64, [low, high]: [f64; 2], [least, most]: [i64;
         "{name} reaches from {low} to {high}, over {steps} steps of {scale}, more than the {most} that {what}"
     ))
     .remedy(format!(
-        "take a part with {part}, or write it with a coarser scale, for example with pdal translate IN OUT \
-         --writers.las.scale_{name}=0.1"
+        "take a part with {part}, or write it with a coarser scale, for example with \
+         scale_{name} of PDAL's writers.las"
     ))
 }
 

@@ -21,6 +21,7 @@ use crate::operation::{Operation, Writes};
 use crate::options::{
     FileOutput, FiniteOrNan, GridInput, GridOutput, Reprojection, ResamplingName, SampleTypeName,
 };
+use crate::outputs::not_member;
 use crate::transform::Transformed;
 use crate::warp::{self, Lattice};
 use crate::{Cancel, Progress, Resources};
@@ -257,6 +258,7 @@ pub(crate) fn run_of(
     let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
+    not_member(source.as_ref(), &job.output)?;
     let cautions = raster::cautions(source.info());
     let Front { bands, colours, notes } = front(source)?;
     let mut notes = [cautions, notes].concat();

@@ -28,6 +28,7 @@ pub mod memory;
 mod on_cloud;
 pub mod operation;
 pub mod options;
+pub mod outputs;
 pub mod page;
 pub mod placing;
 pub mod plan;

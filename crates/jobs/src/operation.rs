@@ -9,13 +9,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Map, Value as Json};
-use terrane_options::{Options, Table, check, fill, to_map};
+use terrane_options::{Options, Role, Table, check, fill, to_map};
 
 use crate::colours::ColorReliefOptions;
 use crate::contour::ContourOptions;
 use crate::convert::ConvertOptions;
 use crate::line::LineOptions;
 use crate::options::GridOutput;
+use crate::outputs::not_among;
 use crate::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -23,7 +24,8 @@ use crate::relief::{
 use crate::tiles::TilesOptions;
 use crate::{Cancel, Progress, Resources, Silent, memory};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_raster::Inputs;
+use terrane_raster::{self as raster, Inputs};
+use terrane_vector as vector;
 
 /// All operations that write a file, in the order of the help.
 pub const OPERATIONS: &[Listed] = &[
@@ -114,6 +116,8 @@ pub struct Listed {
     pub writes: Writes,
     /// The defaults of its options.
     pub defaults: fn() -> Map<String, Json>,
+    /// What can be known of options by name before anything is opened.
+    pub check: fn(&Map<String, Json>, &Path) -> Result<()>,
     /// Runs it with options by name, where how the grid is read is said already.
     pub run: fn(&Call<'_>) -> Result<Json>,
 }
@@ -138,7 +142,8 @@ impl Listed {
     const fn of<O: Operation>() -> Self {
         let defaults = || to_map(&O::default());
         let (reads, writes) = (O::READS, O::WRITES);
-        Self { name: O::NAME, table: O::TABLE, reads, writes, defaults, run: run::<O> }
+        let (name, table) = (O::NAME, O::TABLE);
+        Self { name, table, reads, writes, defaults, check: check_options::<O>, run: run::<O> }
     }
 }
 
@@ -146,11 +151,48 @@ fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
     let mut given = call.reading.clone();
     given.extend(call.options.clone());
     let options: O = fill(&given)?;
-    check(&options)?;
-    options.check(call.output)?;
+    check_all(&options, call.inputs, call.output)?;
     let report = options.run(call.inputs, call.output, call.progress, call.cancel)?;
     serde_json::to_value(report)
         .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
+}
+
+fn check_options<O: Operation>(given: &Map<String, Json>, output: &Path) -> Result<()> {
+    let options: O = fill(given)?;
+    check(&options)?;
+    options.check(output)
+}
+
+/// All that can be known to be wrong before the work.
+fn check_all<O: Operation>(options: &O, inputs: &Inputs, output: &Path) -> Result<()> {
+    check(options)?;
+    options.check(output)?;
+    let names = inputs.names();
+    let files = match O::READS {
+        Reads::Grid => raster::files(names),
+        Reads::Features => vector::files(names),
+    };
+    // What cannot be found is told of when it is opened.
+    let files = files.unwrap_or_else(|_| names.to_vec());
+    not_among(&[files, read_beside(options)?].concat(), &[output])
+}
+
+/// The files that options name, and that are read.
+///
+/// # Errors
+/// Those of finding the files of a grid.
+pub fn read_beside<O: Options>(options: &O) -> Result<Vec<String>> {
+    let values = to_map(options);
+    let mut files = Vec::new();
+    for field in O::TABLE.fields() {
+        let Some(name) = values.get(field.name).and_then(Json::as_str) else { continue };
+        match field.role {
+            Role::Reads => files.push(name.to_owned()),
+            Role::ReadsGrid => files.extend(raster::files(&[name.to_owned()])?),
+            Role::Result | Role::Run => {}
+        }
+    }
+    Ok(files)
 }
 
 /// An amount of memory: a number of bytes, or a text such as `"512M"` or `"4GiB"`. A text that is none
@@ -249,8 +291,7 @@ impl<'a, O: Operation> Job<'a, O> {
         if let Some(memory) = &self.memory {
             Has::<Resources>::part_mut(&mut self.options).memory = memory.bytes()?;
         }
-        check(&self.options)?;
-        self.options.check(&path)?;
+        check_all(&self.options, &self.inputs, &path)?;
         self.options.run(&self.inputs, &path, &*self.progress, &self.cancel)
     }
 }

@@ -159,7 +159,7 @@ impl Codec<f64> for FiniteOrNan {
     }
 
     fn json(value: &f64) -> Json {
-        if value.is_nan() { "nan".into() } else { (*value).into() }
+        if value.is_finite() { (*value).into() } else { value.to_string().to_lowercase().into() }
     }
 }
 
@@ -197,22 +197,6 @@ impl Codec<[f64; 2]> for CellSize {
     }
 
     fn json(value: &[f64; 2]) -> Json {
-        value.as_slice().into()
-    }
-}
-
-/// Numbers with commas between them.
-pub struct Numbers;
-
-impl Codec<Vec<f64>> for Numbers {
-    const KIND: Kind = Kind::Numbers;
-
-    fn parse(text: &str) -> Result<Vec<f64>, String> {
-        let numbers = text.split(',').filter(|_| !text.is_empty());
-        numbers.map(Finite::parse).collect()
-    }
-
-    fn json(value: &Vec<f64>) -> Json {
         value.as_slice().into()
     }
 }
@@ -325,10 +309,7 @@ impl Codec<Length> for LengthText {
 pub struct SampleTypeName;
 
 impl Codec<SampleType> for SampleTypeName {
-    const KIND: Kind = Kind::Choice(|| {
-        let named = |kind: &SampleType| Named { name: kind.name(), about: "" };
-        SampleType::ALL.iter().map(named).collect()
-    });
+    const KIND: Kind = Kind::Text;
 
     fn parse(text: &str) -> Result<SampleType, String> {
         SampleType::by_name(text.trim()).ok_or_else(|| {

@@ -33,6 +33,11 @@ pub fn fill<O: Options>(given: &Map<String, Json>) -> Result<O> {
 /// # Errors
 /// Usage: texts that are no value of it.
 pub fn set_texts<O: Options>(options: &mut O, field: &Field, texts: &[String]) -> Result<()> {
+    if let Some(number) = texts.last().and_then(|text| text.trim().parse::<f64>().ok()) {
+        field.check_range(number).map_err(|expected| {
+            Error::usage(format!("‹{}› is {number}: expected {expected}", field.name))
+        })?;
+    }
     let mut done = Ok(());
     options.visit_mut(&mut |name, value| {
         if name == field.name {
@@ -45,46 +50,86 @@ pub fn set_texts<O: Options>(options: &mut O, field: &Field, texts: &[String]) -
 }
 
 /// The texts that a JSON value stands for: those of a list one by one where the option is repeated, else with commas;
-/// those of an object as `KEY=VALUE`.
+/// those of an object, and of pairs in a list, as `KEY=VALUE`.
 ///
 /// # Errors
 /// Usage: a value of another kind than the option's.
 pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
-    let wrong = || {
-        let expected = match field.kind {
-            Kind::Flag => "true or false",
-            Kind::Whole => "a whole number",
-            Kind::Number => "a number",
-            Kind::Numbers => "numbers",
-            Kind::Shaped(_) => "a number or a text",
-            Kind::Text | Kind::Path | Kind::Choice(_) => "a text",
-        };
-        Error::usage(format!("‹{}› is {value}: expected {expected}", field.name))
-    };
-    let is_number = matches!(field.kind, Kind::Whole | Kind::Number);
-    let one = |value: &Json| match value {
-        // As JSON has no other way to say it.
-        Json::String(text) if is_number && text.parse().is_ok_and(f64::is_finite) => Err(wrong()),
-        Json::String(text) if !matches!(field.kind, Kind::Flag) => Ok(text.clone()),
-        Json::Number(number) if !matches!(field.kind, Kind::Flag | Kind::Path) => {
-            Ok(number.to_string())
+    let several = match value {
+        Json::Array(all) => match (field.shape, field.kind) {
+            (Shape::Repeated, _) => all.iter().map(|value| one_of_several(field, value)).collect(),
+            (_, Kind::Numbers) if all.iter().all(Json::is_number) => {
+                let texts: Option<Vec<_>> = all.iter().map(|value| text_of(field, value)).collect();
+                texts.map(|texts| vec![texts.join(",")])
+            }
+            _ => None,
+        },
+        Json::Object(pairs) if field.shape == Shape::Repeated => {
+            pairs.iter().map(|(key, value)| pair_of(key, value)).collect()
         }
-        Json::Bool(flag) if matches!(field.kind, Kind::Flag) => Ok(flag.to_string()),
-        _ => Err(wrong()),
+        _ => text_of(field, value).map(|text| vec![text]),
     };
-    match (value, field.shape, field.kind) {
-        (Json::Array(all), Shape::Repeated, _) => all.iter().map(one).collect(),
-        (Json::Array(all), _, Kind::Numbers) if all.iter().all(Json::is_number) => {
-            let texts = all.iter().map(one).collect::<Result<Vec<_>>>()?;
-            Ok(vec![texts.join(",")])
-        }
-        (Json::Array(_), ..) => Err(wrong()),
-        (Json::Object(pairs), Shape::Repeated, _) => pairs
-            .iter()
-            .map(|(key, value)| one(value).map(|text| format!("{key}={text}")))
-            .collect(),
-        _ => one(value).map(|text| vec![text]),
+    several.ok_or_else(|| wrong(field, value))
+}
+
+/// Of a list: a value, or a pair of a key and a value.
+fn one_of_several(field: &Field, value: &Json) -> Option<String> {
+    match value.as_array().map(Vec::as_slice) {
+        Some([Json::String(key), value]) => pair_of(key, value),
+        _ => text_of(field, value),
     }
+}
+
+/// `KEY=VALUE`, as formats have it.
+fn pair_of(key: &str, value: &Json) -> Option<String> {
+    let value = match value {
+        Json::String(text) => text.clone(),
+        Json::Number(number) => number.to_string(),
+        Json::Bool(flag) => if *flag { "YES" } else { "NO" }.to_owned(),
+        _ => return None,
+    };
+    (!key.contains('=')).then(|| format!("{key}={value}"))
+}
+
+/// Of a value that is no list.
+fn text_of(field: &Field, value: &Json) -> Option<String> {
+    let is_number = matches!(field.kind, Kind::Whole | Kind::Number);
+    match (value, field.kind) {
+        // Numbers that are none are texts, as JSON has no other way to say it.
+        (Json::String(text), _) if is_number => {
+            (!text.trim().parse().is_ok_and(f64::is_finite)).then(|| text.clone())
+        }
+        (Json::String(text), kind) if !matches!(kind, Kind::Flag) => Some(text.clone()),
+        (Json::Bool(flag), Kind::Flag) => Some(flag.to_string()),
+        (Json::Number(number), Kind::Whole) => Some(match number.as_f64() {
+            Some(value) if number.is_f64() && value.fract() == 0.0 && value.abs() < 1e15 => {
+                format!("{value:.0}")
+            }
+            _ => number.to_string(),
+        }),
+        (Json::Number(number), Kind::Number | Kind::Numbers | Kind::Shaped(_)) => {
+            Some(number.to_string())
+        }
+        _ => None,
+    }
+}
+
+/// Letters of a value that are told.
+const MOST_TOLD: usize = 60;
+
+fn wrong(field: &Field, value: &Json) -> Error {
+    let expected = match field.kind {
+        Kind::Flag => "true or false",
+        Kind::Whole => "a whole number",
+        Kind::Number => "a number",
+        Kind::Numbers => "numbers",
+        Kind::Shaped(_) => "a number or a text",
+        Kind::Text | Kind::Path | Kind::Choice(_) => "a text",
+    };
+    let text = value.to_string();
+    let told: String = text.chars().take(MOST_TOLD).collect();
+    let rest = if told.len() < text.len() { "..." } else { "" };
+    Error::usage(format!("‹{}› is {told}{rest}: expected {expected}", field.name))
 }
 
 /// All values by name.

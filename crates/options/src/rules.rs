@@ -71,12 +71,12 @@ pub fn check<O: Options>(options: &O) -> Result<()> {
 /// Fails where a value is out of its range, or none that its text could be: setters take any.
 fn check_value(field: &Field, value: &dyn AnyValue) -> Result<()> {
     let (name, json) = (field.name, value.json());
-    if let (Some(range), Some(number)) = (field.range, value.number())
-        && !range.contains(number)
-    {
-        return Err(Error::usage(format!("‹{name}› is {number}: expected {}", range.text())));
+    if let Some(number) = value.number() {
+        field.check_range(number).map_err(|expected| {
+            Error::usage(format!("‹{name}› is {number}: expected {expected}"))
+        })?;
     }
-    if json.is_null() {
+    if json.is_null() || json.as_array().is_some_and(Vec::is_empty) {
         return Ok(());
     }
     texts_of(field, &json)?.iter().try_for_each(|text| {

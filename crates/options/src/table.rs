@@ -50,6 +50,8 @@ pub enum Role {
     Result,
     /// The name of a file that is read, on which the result depends.
     Reads,
+    /// The name of a grid that is read: a file, a folder, a list or a pattern.
+    ReadsGrid,
     /// It says what a run may use or replace, and nothing of the result.
     Run,
 }
@@ -129,6 +131,22 @@ pub struct Field {
     pub shape: Shape,
     /// Says what was expected where a text is no value of it.
     pub check: fn(&str) -> Result<(), String>,
+}
+
+impl Field {
+    /// Fails for a number out of the range; what was expected is in the error.
+    ///
+    /// # Errors
+    /// What was expected, in words.
+    pub fn check_range(&self, number: f64) -> Result<(), String> {
+        match self.range {
+            Some(range) if !range.contains(number) => Err(match self.kind {
+                Kind::Whole => range.text().replacen("a number", "a whole number", 1),
+                _ => range.text(),
+            }),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// A field, or the fields of a group.

@@ -81,7 +81,7 @@ fn values_come_in_and_go_out_as_they_are() {
     assert!(usual.drop && usual.altitude == 45.0 && usual.machine.threads == 2);
     assert!(changed(&usual).is_empty());
     let given = json!({
-        "azimuth": 90, "height": 60, "drop": false, "co": { "A": 1, "B": "x" }, "threads": 3
+        "azimuth": 90, "height": 60, "drop": false, "co": [["A", 1], "B=x"], "threads": 3
     });
     let options = filled(&given).unwrap();
     assert_eq!(options.co, ["A=1", "B=x"]);
@@ -106,8 +106,9 @@ fn what_is_wrong_names_options_and_what_was_expected() {
         (json!({ "altitude": 91 }), "‹altitude› is 91: expected a number from 1 to 90"),
         (json!({ "altitude": "nan" }), "‹altitude› is NaN: expected a number from 1 to 90"),
         (json!({ "threads": 1.5 }), "‹threads› is \"1.5\": expected a whole number"),
-        (json!({ "threads": 70_000 }), "expected a whole number from 0 to 65535"),
-        (json!({ "threads": 0 }), "‹threads› is 0: expected a number from 1 to 64"),
+        (json!({ "threads": 70_000 }), "expected a whole number from 1 to 64"),
+        (json!({ "threads": 0 }), "‹threads› is 0: expected a whole number from 1 to 64"),
+        (json!({ "threads": 3.0, "co": { "A=B": 1 } }), "‹co› is {\"A=B\":1}: expected a text"),
         (json!({ "drop": "no" }), "‹drop› is \"no\": expected true or false"),
         (json!({ "drop": 1 }), "‹drop› is 1: expected true or false"),
         (json!({ "light": "none" }), "‹light› is \"none\": expected one-side or all-sides"),

@@ -9,6 +9,8 @@ use crate::cli::shared::pipes;
 use crate::error::{Error, ErrorKind, Result, all, is_address};
 use crate::files::is_made;
 use crate::files::{companions, path_of};
+pub(crate) use crate::jobs::outputs::not_among;
+use crate::jobs::outputs::{is_same, place};
 use crate::raster;
 
 /// As [`input`], for each of `inputs`.
@@ -35,6 +37,7 @@ pub(crate) fn input(input: &str) -> Result<()> {
 
 /// Fails when a file that is read with the inputs is not there.
 pub(crate) fn beside(files: &[String]) -> Result<()> {
+    files.iter().try_for_each(|name| pipes::refuse_input(name))?;
     let missing = |file: &&String| !is_made(file) && !path_of(raster::file_name(file)).exists();
     files.iter().find(missing).map_or(Ok(()), |file| Err(Error::missing(&path_of(file))))
 }
@@ -86,26 +89,6 @@ pub(crate) fn not_inputs(inputs: &[String], outputs: &[&Path]) -> Result<()> {
     not_among(&raster::files(inputs)?, outputs)
 }
 
-/// Fails when one of `outputs` is one of `files`, or another output.
-pub(crate) fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
-    distinct(outputs)?;
-    outputs.iter().try_for_each(|output| {
-        let is_it = |file: &String| is_same(&path_of(raster::file_name(file)), output);
-        if files.iter().any(is_it) { Err(taken(output)) } else { Ok(()) }
-    })
-}
-
-/// Fails when two of the files are one and the same: one would be replaced by the other. Outputs
-/// need not exist yet.
-pub(crate) fn distinct(files: &[&Path]) -> Result<()> {
-    for (i, &file) in files.iter().enumerate() {
-        if files[..i].iter().any(|&other| is_same(file, other)) {
-            return Err(taken(file));
-        }
-    }
-    Ok(())
-}
-
 /// Fails when `report` cannot become a new file that is none of the files `read`, none of the `results`,
 /// and no part of either: a file that comes with one, or lies in one that is a folder.
 pub(crate) fn report(
@@ -131,26 +114,6 @@ pub(crate) fn report(
             .remedy("choose another name for the report"));
     }
     new_file(report, overwrite)
-}
-
-fn taken(file: &Path) -> Error {
-    Error::usage("output is the input itself, or two outputs have this name")
-        .in_file(file)
-        .remedy("choose another name")
-}
-
-fn is_same(a: &Path, b: &Path) -> bool {
-    place(a) == place(b)
-}
-
-/// Where a file really is, links followed; one that is not there yet by its folder.
-fn place(path: &Path) -> PathBuf {
-    std::fs::canonicalize(path).unwrap_or_else(|_| {
-        let path = atomic::resolve(path).unwrap_or_else(|_| path.to_path_buf());
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-        let folder = std::fs::canonicalize(folder.unwrap_or(Path::new("."))).unwrap_or_default();
-        folder.join(path.file_name().unwrap_or_default())
-    })
 }
 
 /// Fails when `path` does not end in one of `endings`.
@@ -190,10 +153,6 @@ mod tests {
         assert!(new_file(folder.path(), true).is_err());
         let lost = folder.path().join("no/such/b.ply");
         assert_eq!(new_file(&lost, false).unwrap_err().kind(), ErrorKind::CannotWrite);
-        let twice = folder.path().join("./c.json");
-        assert!(distinct(&[&file, &lost, &file]).is_err());
-        assert!(distinct(&[&twice, &folder.path().join("c.json")]).is_err());
-        assert!(distinct(&[&file, &lost, &twice]).is_ok());
         assert!(ending(&file, &["tif", "tiff"], "a grid store").is_ok());
         assert!(ending(&lost, &["tif", "tiff"], "a grid store").is_err());
     }

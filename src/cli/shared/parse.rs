@@ -1,30 +1,20 @@
 //! Values of arguments: sizes, heights, boxes. Each parser says what it expected.
 
-use crate::geom::{metres_in, wkt};
+use terrane_options::Codec;
+
 use crate::jobs::line::Length;
-use crate::jobs::memory;
+use crate::jobs::options::{
+    Bounds, Bytes, CellSize, CrsText, Finite, FiniteOrNan, KeyValue, LengthText, SampleTypeName,
+};
 use crate::raster::SampleType;
 
 /// A value, or what was expected.
 type Parsed<T> = Result<T, String>;
 
-/// No job works in less.
-const LEAST_BYTES: f64 = (1 << 20) as f64;
-
 /// Bytes from "128M", "4GiB", "512 MiB", "1.5g", "1000000": K, M, G and T are powers of 1024, with
-/// or without "B" or "iB". Fewer than [`LEAST_BYTES`] are a unit forgotten.
+/// or without "B" or "iB". Fewer than a megabyte are a unit forgotten.
 pub(crate) fn bytes(text: &str) -> Parsed<u64> {
-    match size(text)? {
-        few if (few as f64) < LEAST_BYTES => {
-            Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
-        }
-        bytes => Ok(bytes),
-    }
-}
-
-/// As [`bytes`], of any number above 0.
-pub(crate) fn size(text: &str) -> Parsed<u64> {
-    memory::parse(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
+    Bytes::parse(text)
 }
 
 /// A vertical error bound: zero or more.
@@ -37,23 +27,17 @@ pub(crate) fn tolerance(text: &str) -> Parsed<f64> {
 
 /// "size" or "width,height".
 pub(crate) fn cell(text: &str) -> Parsed<[f64; 2]> {
-    let (width, height) = text.split_once(',').unwrap_or((text, text));
-    match (positive(width), positive(height)) {
-        (Ok(width), Ok(height)) => Ok([width, height]),
-        _ => Err("expected a number above zero, or two: width,height".to_owned()),
-    }
+    CellSize::parse(text)
 }
 
 /// A finite number.
 pub(crate) fn finite(text: &str) -> Parsed<f64> {
-    let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-    value.ok_or_else(|| "expected a number".to_owned())
+    Finite::parse(text)
 }
 
 /// A finite number or NaN, as nodata values are.
 pub(crate) fn finite_or_nan(text: &str) -> Parsed<f64> {
-    let value = text.trim().parse::<f64>().ok().filter(|v| !v.is_infinite());
-    value.ok_or_else(|| "expected a number or nan".to_owned())
+    FiniteOrNan::parse(text)
 }
 
 /// A finite number above zero.
@@ -81,14 +65,7 @@ pub(crate) fn scale(text: &str) -> Parsed<f64> {
 
 /// A length such as 0.01, 100m, 2km or 50ft.
 pub(crate) fn length(text: &str) -> Parsed<Length> {
-    let unit = ["km", "ft", "m"]
-        .into_iter()
-        .find_map(|name| Some((text.strip_suffix(name)?, metres_in(name)?)));
-    let (number, unit) = unit.map_or((text, None), |(number, metres)| (number, Some(metres)));
-    match number.trim().parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(Length { value, unit }),
-        _ => Err("expected a number of 0 or more, alone or with m, km or ft".to_owned()),
-    }
+    LengthText::parse(text)
 }
 
 /// Degrees of a light above the horizon, 1 to 90.
@@ -99,33 +76,22 @@ pub(crate) fn altitude(text: &str) -> Parsed<f64> {
 
 /// "KEY=VAL".
 pub(crate) fn key_value(text: &str) -> Parsed<(String, String)> {
-    let pair = text.split_once('=').filter(|(key, _)| !key.is_empty());
-    let pair = pair.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()));
-    pair.ok_or_else(|| "expected KEY=VAL, such as COMPRESS=ZSTD".to_owned())
+    KeyValue::parse(text)
 }
 
 /// The name of a sample type.
 pub(crate) fn sample_type(text: &str) -> Parsed<SampleType> {
-    SampleType::by_name(text.trim()).ok_or_else(|| {
-        let names: Vec<_> = SampleType::ALL.iter().map(|kind| kind.name()).collect();
-        format!("expected one of {}", names.join(", "))
-    })
+    SampleTypeName::parse(text)
 }
 
 /// "xmin,ymin,xmax,ymax".
 pub(crate) fn bbox(text: &str) -> Parsed<[f64; 4]> {
-    let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
-    let values: Result<Vec<f64>, _> = text.split(',').map(finite).collect();
-    let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
-    if bounds[0] < bounds[2] && bounds[1] < bounds[3] { Ok(bounds) } else { Err(wrong()) }
+    Bounds::parse(text)
 }
 
 /// A system that is known by its code or text.
 pub(crate) fn crs(text: &str) -> Parsed<String> {
-    let crs = wkt::of_srs(text);
-    let known = crs.epsg.is_some() || crs.wkt.is_some();
-    let wrong = "expected EPSG:CODE or well-known text";
-    if known { Ok(text.to_owned()) } else { Err(wrong.to_owned()) }
+    CrsText::parse(text)
 }
 
 #[cfg(test)]

@@ -15,7 +15,6 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 use crate::atomic;
-use crate::door::Door;
 use crate::error::{Error, ErrorKind, Result};
 use crate::files::name_of;
 use crate::jobs::{Cancel, Resources};
@@ -244,11 +243,10 @@ fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
     Ok((folder, path))
 }
 
-/// A text for people or programs: options are spelled with their dashes, and files that stand for stdin and stdout are
-/// called `-`, as the user calls them.
+/// A text for people or programs: files that stand for stdin and stdout are called `-`, as the user calls them.
 pub(crate) fn told(text: &str) -> Cow<'_, str> {
     let places = crate::files::lock(&PLACES);
-    places.iter().fold(Door::CommandLine.spell(text), |text, place| match text.contains(place) {
+    places.iter().fold(Cow::Borrowed(text), |text, place| match text.contains(place) {
         true => Cow::Owned(without(place, &text)),
         false => text,
     })

@@ -6,11 +6,18 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use crate::cli::shared::pipes::told;
+use crate::door::Door;
 use crate::error::{Error, ErrorKind, Result};
 
 /// Prints a result.
 pub(crate) fn result(text: &str) -> Result<()> {
-    to_stdout(told(text).as_bytes())
+    to_stdout(told(&below_title(text)).as_bytes())
+}
+
+/// A result with its options spelled, but for the names in its first line.
+fn below_title(text: &str) -> String {
+    let (title, rest) = text.split_at(text.find('\n').unwrap_or(0));
+    title.to_owned() + &Door::CommandLine.spell(rest)
 }
 
 /// Prints a result as indented JSON.
@@ -21,12 +28,14 @@ pub(crate) fn json(value: &impl Serialize) -> Result<()> {
 /// Prints a result as JSON on a line of its own.
 pub(crate) fn json_line(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string(value).map_err(not_json)?;
+    let text = Door::CommandLine.spell_report(&text);
     to_stdout((told(&text) + "\n").as_bytes())
 }
 
 /// A value as indented JSON with a line end.
 pub(crate) fn pretty(value: &impl Serialize) -> Result<String> {
     let text = serde_json::to_string_pretty(value).map_err(not_json)?;
+    let text = Door::CommandLine.spell_report(&text);
     Ok((told(&text) + "\n").into_owned())
 }
 
@@ -47,14 +56,15 @@ pub(crate) fn to_stdout(bytes: &[u8]) -> Result<()> {
 
 /// Prints a result on stderr.
 pub(crate) fn aside(text: &str) {
-    flushed(io::stderr().write_all(told(text).as_bytes()));
+    flushed(io::stderr().write_all(told(&below_title(text)).as_bytes()));
 }
 
 /// Prints an error on stderr, on one line; one that stands for several on a line for each, and the sum
 /// of them on the last.
 pub(crate) fn error(error: &Error) {
-    error.each().iter().for_each(|inner| failure(&inner.to_string()));
-    failure(&error.summary());
+    let door = Door::CommandLine;
+    error.each().iter().for_each(|inner| failure(&inner.spelled(door).to_string()));
+    failure(&error.summary(door));
 }
 
 /// Prints an error message on stderr, on one line whatever file names hold.
@@ -64,12 +74,16 @@ pub(crate) fn failure(message: &str) {
 
 /// Prints what could not be judged on stderr, on one line.
 pub(crate) fn not_judged(what: &str) {
-    flushed(writeln!(io::stderr(), "terrane: not judged: {}", one_line(what)));
+    flushed(writeln!(
+        io::stderr(),
+        "terrane: not judged: {}",
+        one_line(&Door::CommandLine.spell(what))
+    ));
 }
 
 /// Prints a remark on stderr, on one line.
 pub(crate) fn note(message: &str) {
-    flushed(writeln!(io::stderr(), "terrane: {}", one_line(message)));
+    flushed(writeln!(io::stderr(), "terrane: {}", one_line(&Door::CommandLine.spell(message))));
 }
 
 fn one_line(message: &str) -> String {

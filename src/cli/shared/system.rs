@@ -1,53 +1,43 @@
 //! Arguments that say in which reference system an output is to be.
 
-use std::path::PathBuf;
-
 use clap::Args;
+use terrane_options::check as check_options;
 
 use crate::cli::shared::report::Row;
-use crate::cli::shared::{check, parse, text};
+use crate::cli::shared::tabled::Tabled;
+use crate::cli::shared::{check, text};
 use crate::error::Result;
 use crate::files::name_of;
+use crate::jobs::options::Reprojection;
 use crate::jobs::transform::{Transform, Transformed};
 
 /// Another system than that of the input.
-#[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "Reference system")]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct System {
-    /// Write in this reference system, such as EPSG:4326 or well-known text; all that is decided is
-    /// decided before, in the system of the input
-    #[arg(long, value_name = "CRS", value_parser = parse::crs)]
-    to_crs: Option<String>,
-    /// Grid of shifts between the datums of the two systems: an NTv2 file (.gsb)
-    #[arg(long, value_name = "FILE", requires = "to_crs")]
-    shift_grid: Option<PathBuf>,
-    /// Heights of a geoid above the ellipsoid (GTX or GeoTIFF), for systems that count heights from
-    /// different ones of the two
-    #[arg(long, value_name = "FILE", requires = "to_crs")]
-    geoid: Option<PathBuf>,
+    #[command(flatten)]
+    options: Tabled<Reprojection>,
 }
 
 impl System {
     /// What is asked for.
     ///
     /// # Errors
-    /// Files of grids that are not there.
+    /// Options that do not go together; files of grids that are not there.
     pub(crate) fn transform(&self) -> Result<Option<Transform>> {
-        let Some(target) = self.to_crs.clone() else { return Ok(None) };
-        let transform =
-            Transform { target, shift_grid: self.shift_grid.clone(), geoid: self.geoid.clone() };
-        self.files()?.iter().try_for_each(|file| check::input(file))?;
-        Ok(Some(transform))
+        check_options(&self.options.0)?;
+        check::beside(&self.files()?)?;
+        Ok(self.options.0.transform())
     }
 
     /// True where another system is asked for.
     pub(crate) fn is_given(&self) -> bool {
-        self.to_crs.is_some()
+        self.options.0.to_crs.is_some()
     }
 
     /// The files that are read for it.
     pub(crate) fn files(&self) -> Result<Vec<String>> {
-        self.shift_grid.iter().chain(&self.geoid).map(|path| name_of(path.clone())).collect()
+        let Reprojection { shift_grid, geoid, .. } = &self.options.0;
+        shift_grid.iter().chain(geoid).map(|path| name_of(path.clone())).collect()
     }
 }
 

@@ -1,9 +1,13 @@
 //! The command line of a table of options.
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser, ValueParser};
+use std::ffi::OsStr;
+
+use clap::builder::{
+    PossibleValue, PossibleValuesParser, Resettable, TypedValueParser, ValueParser,
+};
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Command, ValueHint};
-use terrane_options::{Field, Kind, Options, Range, Shape, set_texts, to_map};
+use terrane_options::{Field, Kind, Options, Shape, set_texts, to_map};
 
 use crate::cli::shared::names;
 use crate::door::Door;
@@ -58,9 +62,11 @@ fn argument(field: &'static Field, usual: &serde_json::Value) -> Arg {
     let long = field.name.replace('_', "-");
     let long = if field.off.is_some() { format!("no-{long}") } else { long };
     let mut argument = Arg::new(field.name).long(long).help(help(field, usual));
-    if field.heading != "Options" {
-        argument = argument.help_heading(field.heading);
-    }
+    // Not that of arguments before.
+    argument = match field.heading {
+        "Options" => argument.help_heading(Resettable::Reset),
+        heading => argument.help_heading(heading),
+    };
     if let Some(letter) = field.short {
         argument = argument.short(letter);
     }
@@ -73,7 +79,10 @@ fn argument(field: &'static Field, usual: &serde_json::Value) -> Arg {
             Shape::One | Shape::Optional => ArgAction::Set,
         };
         let argument = argument.value_name(field.value.unwrap_or("VALUE")).action(action);
-        return of_values(field, argument);
+        return match (field.kind, field.shape) {
+            (Kind::Number, Shape::Repeated) => of_values(field, argument.value_delimiter(',')),
+            _ => of_values(field, argument),
+        };
     };
     argument.action(ArgAction::SetTrue)
 }
@@ -81,11 +90,7 @@ fn argument(field: &'static Field, usual: &serde_json::Value) -> Arg {
 /// What values an argument takes.
 fn of_values(field: &'static Field, argument: Arg) -> Arg {
     match field.kind {
-        Kind::Choice(choices) => {
-            let values = choices().into_iter();
-            let values = values.map(|own| PossibleValue::new(own.name).help(own.about));
-            argument.value_parser(PossibleValuesParser::new(values))
-        }
+        Kind::Choice(_) => argument.value_parser(ValueParser::new(Chosen(field))),
         Kind::Path => argument.value_hint(ValueHint::FilePath).value_parser(names::any()),
         Kind::Number | Kind::Numbers | Kind::Shaped(_) => {
             argument.allow_hyphen_values(true).value_parser(checked(field))
@@ -94,15 +99,42 @@ fn of_values(field: &'static Field, argument: Arg) -> Arg {
     }
 }
 
+/// One of the names of a choice, as its option reads it.
+#[derive(Clone)]
+struct Chosen(&'static Field);
+
+impl TypedValueParser for Chosen {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &Command,
+        argument: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<String, clap::Error> {
+        match value.to_str().filter(|text| (self.0.check)(text).is_ok()) {
+            Some(text) => Ok(text.to_owned()),
+            // Which says what there is, and what is nearest.
+            None => PossibleValuesParser::new(names_of(self.0)).parse_ref(command, argument, value),
+        }
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(names_of(self.0)))
+    }
+}
+
+fn names_of(field: &'static Field) -> impl Iterator<Item = PossibleValue> {
+    let choices = if let Kind::Choice(choices) = field.kind { choices() } else { Vec::new() };
+    choices.into_iter().map(|own| PossibleValue::new(own.name).help(own.about))
+}
+
 /// A text that is a value of the option.
 fn checked(field: &'static Field) -> ValueParser {
     ValueParser::new(names::any().try_map(move |text| {
-        (field.check)(&text)?;
-        let out = |range: &Range| text.trim().parse().is_ok_and(|value| !range.contains(value));
-        match field.range.filter(out) {
-            Some(range) => Err(format!("expected {}", range.text())),
-            None => Ok(text),
-        }
+        let range = text.trim().parse().map_or(Ok(()), |number| field.check_range(number));
+        range.map_err(|expected| format!("expected {expected}"))?;
+        (field.check)(&text).map(|()| text)
     }))
 }
 
@@ -110,7 +142,7 @@ fn checked(field: &'static Field) -> ValueParser {
 fn help(field: &Field, usual: &serde_json::Value) -> String {
     let about = Door::CommandLine.spell(field.off.unwrap_or(field.about)).into_owned();
     let default = match (field.usual, field.shape, field.kind) {
-        (Some(words), ..) => words.to_owned(),
+        (Some(words), ..) => Door::CommandLine.spell(words).into_owned(),
         (None, _, Kind::Flag) | (None, Shape::Optional | Shape::Repeated, _) => return about,
         (None, Shape::One, _) if usual == &serde_json::json!([]) => return about,
         (None, Shape::One, _) => usual.as_str().map_or_else(|| usual.to_string(), str::to_owned),

@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::cli::shared::report::{self, Row};
 use crate::cli::shared::{Outcome, say, text};
 use crate::cli::verify::args::Args;
+use crate::door::Door;
 use crate::error::Result;
 use crate::jobs::verify::{MeshReport, Original, Verdict};
 
@@ -26,7 +27,7 @@ pub(super) fn finish(
 
 /// Names the broken promises on stderr, and those not judged, for those who asked for no result.
 pub(crate) fn tell(verdict: &Verdict) {
-    verdict.failures.iter().for_each(|failure| say::failure(failure));
+    verdict.failures.iter().for_each(|failure| say::failure(&Door::CommandLine.spell(failure)));
     verdict.not_judged.iter().for_each(|what| say::not_judged(what));
 }
 

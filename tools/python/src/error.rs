@@ -15,7 +15,7 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
         let file = error.path().map(|path| path.display().to_string());
         make.bind(py).call1((
             name(error.kind()),
-            Door::Python.spell(&error.to_string()),
+            error.spelled(Door::Python).to_string(),
             file,
             error.place(),
             error.remedy_text().map(|remedy| Door::Python.spell(remedy)),

@@ -10,6 +10,7 @@ use terrane::{Error, Listed, OPERATIONS, Reads};
 use terrane_files::name_of;
 use terrane_options::{Field, Kind, Shape};
 
+use crate::error::told;
 use crate::report::dictionary;
 
 /// The operation of a name.
@@ -71,6 +72,19 @@ fn type_of(kind: Kind) -> String {
     }
 }
 
+/// Fails where it can be known before anything is opened that an operation cannot be done.
+#[pyfunction]
+pub(crate) fn check_operation(
+    py: Python<'_>,
+    operation: &str,
+    options: &Bound<'_, PyDict>,
+    path: PathBuf,
+) -> PyResult<()> {
+    let operation = named(operation)?;
+    let options = told(py, options_of(operation, options)?)?;
+    told(py, (operation.check)(&options, &path))
+}
+
 /// Options from keywords.
 pub(crate) fn options_of(
     operation: &Listed,
@@ -78,13 +92,17 @@ pub(crate) fn options_of(
 ) -> PyResult<terrane::Result<Map<String, Json>>> {
     let mut options = Map::new();
     for (name, value) in given {
-        let name: String = name.extract()?;
-        let is_name = operation.table.find(&name).is_some_and(|own| matches!(own.kind, Kind::Path));
-        match json_of(&value, is_name)? {
+        let name = name.cast::<PyString>()?.to_string_lossy().into_owned();
+        let Some(field) = operation.table.find(&name) else {
+            // Which is refused with the nearest one that there is.
+            options.insert(name, true.into());
+            continue;
+        };
+        match json_of(&value, matches!(field.kind, Kind::Path), MOST_NESTED)? {
             Some(value) => options.insert(name, value),
             None => {
                 let kind = value.get_type().name()?;
-                let error = Error::usage(format!("‹{name}› is a {kind}"));
+                let error = Error::usage(format!("‹{}› is of type {kind}", field.name));
                 return Ok(Err(error.remedy("pass a number, a text, or a list of these")));
             }
         };
@@ -92,39 +110,47 @@ pub(crate) fn options_of(
     Ok(Ok(options))
 }
 
+/// Lists in lists that an option may have: pairs of keys and values.
+const MOST_NESTED: u32 = 2;
+/// Most values of a list.
+const MOST_VALUES: usize = 1 << 16;
+
 /// A value as JSON, in which numbers that are none are texts; `None` for what cannot be an option.
-fn json_of(value: &Bound<'_, PyAny>, is_name: bool) -> PyResult<Option<Json>> {
+fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Option<Json>> {
     if value.is_none() {
         return Ok(Some(Json::Null));
     }
-    let is_bool = value.is_instance_of::<PyBool>()
-        || value.get_type().name()?.to_string().starts_with("bool");
-    if is_bool {
+    let kind = value.get_type().name()?.to_string();
+    if value.is_instance_of::<PyBool>() || kind == "bool" || kind == "bool_" {
         return Ok(Some(value.is_truthy()?.into()));
     }
-    if is_name || value.hasattr("__fspath__")? {
+    if is_name {
         let path: Result<PathBuf, _> = value.extract();
         return Ok(path.ok().and_then(|path| name_of(path).ok()).map(Json::from));
     }
     if let Ok(text) = value.cast::<PyString>() {
-        return Ok(Some(text.to_str()?.into()));
+        return Ok(text.to_str().ok().map(Json::from));
     }
     if let Ok(whole) = value.extract::<i64>() {
         return Ok(Some(whole.into()));
     }
-    if let Ok(pairs) = value.cast::<PyDict>() {
-        let mut map = Map::new();
-        for (key, value) in pairs {
-            let Some(value) = json_of(&value, false)? else { return Ok(None) };
-            map.insert(key.str()?.to_string(), value);
-        }
-        return Ok(Some(map.into()));
+    if let Ok(whole) = value.extract::<u64>() {
+        return Ok(Some(whole.into()));
     }
     if let Ok(number) = value.extract::<f64>() {
         let number = if number.is_finite() { number.into() } else { number.to_string().into() };
         return Ok(Some(number));
     }
+    let Some(nested) = nested.checked_sub(1) else { return Ok(None) };
+    if let Ok(pairs) = value.cast::<PyDict>() {
+        let mut map = Map::new();
+        for (key, value) in pairs {
+            let Some(value) = json_of(&value, false, nested)? else { return Ok(None) };
+            map.insert(key.str()?.to_string_lossy().into_owned(), value);
+        }
+        return Ok(Some(map.into()));
+    }
     let Ok(all) = value.try_iter() else { return Ok(None) };
-    let all = all.map(|value| json_of(&value?, false)).collect::<PyResult<Option<Vec<_>>>>()?;
-    Ok(all.map(Json::from))
+    let all = all.take(MOST_VALUES).map(|value| json_of(&value?, false, nested));
+    Ok(all.collect::<PyResult<Option<Vec<_>>>>()?.map(Json::from))
 }

@@ -11,5 +11,5 @@ pub(crate) fn dictionary<'py>(
     report: &impl Serialize,
 ) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(report).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
-    py.import("json")?.getattr("loads")?.call1((Door::Python.spell(&text),))
+    py.import("json")?.getattr("loads")?.call1((Door::Python.spell_report(&text),))
 }

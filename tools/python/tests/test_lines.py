@@ -55,6 +55,23 @@ def test_contours(tmp_path: Path, heights: NDArray[np.float32]) -> None:
         terrane.contour(heights)
 
 
+def test_options_of_files_are_options_of_geometries_where_they_can_be() -> None:
+    lines = [shapely.LineString([(0, 0), (50, 1), (100, 0), (150, 30.04)])]
+    assert len(terrane.simplify(lines, keep_ratio=0.5)[0].coords) == 2
+    rounded = terrane.simplify(lines, 0.5, None, decimals=0)[0]
+    assert list(rounded.coords)[-1] == (150, 30)
+    for options, words in [
+        ({"to_crs": "EPSG:3857"}, "no option 'to_crs'"),
+        ({"format": "GeoJSON"}, "no option 'format'"),
+        ({"snap": 1.0}, "snap cannot act without topology"),
+        ({"decimals": 300}, "decimals is 300: expected a whole number from 0 to 17"),
+    ]:
+        with pytest.raises(terrane.InputError, match=words):
+            terrane.simplify(lines, 1.0, **options)
+    with pytest.raises(terrane.InputError, match="metres"):
+        terrane.simplify(lines, metric="metres", keep_ratio=0.5)
+
+
 def near(line: Any, simpler: Any, tolerance: float) -> bool:
     """Whether every vertex of a line is so near to the simpler one."""
     places = shapely.points(shapely.get_coordinates(line))

@@ -68,7 +68,7 @@ def test_the_bytes_are_those_of_the_command_line(tmp_path: Path) -> None:
         ("slope", {"algorithm": "sobel"}, "algorithm is \"sobel\": expected horn or"),
         ("hillshade", {"altitude": True}, "altitude is true: expected a number"),
         ("hillshade", {"altitude": float("nan")}, "altitude is NaN: expected a number from 1"),
-        ("hillshade", {"altitude": object()}, "altitude is a object"),
+        ("hillshade", {"altitude": object()}, "altitude is of type object"),
         ("hillshade", {"azimuth": 1.0, "combined": True, "multidirectional": True}, "cannot be used"),
         ("convert", {"to_crs": "EPSG:4326"}, "to_crs cannot act without resampling; add resampling"),
         ("contour", {"interval": 1.0, "levels": [2.0]}, "interval cannot be used with levels"),
@@ -83,6 +83,60 @@ def test_what_is_wrong_is_told_in_words_of_python(
         getattr(terrane, name)(GRID, **where, **options)
     assert words in str(error.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_nothing_that_is_read_is_replaced(tmp_path: Path) -> None:
+    def at(name: str) -> Path:
+        return tmp_path / name
+
+    for name in ("a.tif", "b.tif"):
+        terrane.convert("synth:rough,size=40", at(name))
+    square = "POLYGON ((500100 4749900, 500300 4749900, 500300 4749700, 500100 4749900))"
+    for name in ("area.wkt", "sides.wkt"):
+        at(name).write_text(square if name == "area.wkt" else "POINT (500200 4749800)")
+        at(name).with_suffix(".prj").write_text("EPSG:32631")
+    at("colors.png").write_text("0 0 0 0\n900 9 9 9\n")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    calls: list[tuple[Any, dict[str, Any]]] = [
+        (terrane.slope, {"src": at("a.tif"), "path": at("a.tif")}),
+        (terrane.slope, {"src": [at("a.tif"), at("b.tif")], "path": at("b.tif")}),
+        (terrane.convert, {"src": at("a.tif"), "path": at("b.tif"), "like": at("b.tif")}
+         | {"resampling": "near"}),
+        (terrane.color_relief, {"src": at("a.tif"), "path": at("colors.png")}
+         | {"colors": at("colors.png")}),
+        (terrane.contour, {"src": at("a.tif"), "interval": 9, "clip": at("area.wkt")}
+         | {"output": at("area.wkt")}),
+        (terrane.simplify_file, {"src": at("area.wkt"), "path": at("area.wkt"), "tolerance": 1}),
+        (terrane.simplify_file, {"src": at("area.wkt"), "path": at("sides.wkt"), "tolerance": 1}
+         | {"topology": True, "sides": at("sides.wkt")}),
+    ]
+    for function, given in calls:
+        with pytest.raises(terrane.InputError, match="is the input itself"):
+            function(**given, overwrite=True)
+        assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_what_no_option_can_be_is_refused_before_anything_is_read(tmp_path: Path) -> None:
+    nested: list[Any] = []
+    nested.append(nested)
+    missing = str(tmp_path / "missing.tif")
+    for options, words in [
+        ({"scale": np.ones((40, 40))}, "scale is "),
+        ({"scale": nested}, "scale is of type list"),
+        ({"scale": "2"}, "scale is"),
+        ({"threads": 2**70}, "threads is"),
+        ({"Scale": object()}, "did you mean scale"),
+        ({"percent": "x"}, "percent is"),
+        ({"format": "b\udcff"}, "format is of type str"),
+    ]:
+        with pytest.raises(terrane.InputError, match=words) as error:
+            terrane.slope(missing, tmp_path / "o.tif", **options)
+        assert "‹" not in str(error.value) and len(str(error.value)) < 300
+    with pytest.raises(terrane.InputError, match="levels is of type list"):
+        terrane.contour(missing, levels=nested)
+    with pytest.raises(terrane.InputError, match="index is for files"):
+        terrane.contour(missing, 5.0, index=5)
+    terrane.slope("synth:rough,size=20", tmp_path / "o.tif", threads=1.0, algorithm=None)
 
 
 def test_arrays_are_taken_as_files_are(tmp_path: Path) -> None:

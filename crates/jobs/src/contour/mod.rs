@@ -34,7 +34,8 @@ use serde::Serialize;
 use crate::figures::Figures;
 use crate::line::{Length, Measure, Threshold, goal_of};
 use crate::operation::{Operation, Writes};
-use crate::options::{FileOutput, Finite, GridInput, LengthText, Numbers, Reprojection};
+use crate::options::{FileOutput, Finite, GridInput, LengthText, Reprojection};
+use crate::outputs::not_member;
 use crate::transform::{Moving, Transformed, extent_of};
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
@@ -64,7 +65,7 @@ pub struct ContourOptions {
     #[option(short = 'i', alias = "every", value = "HEIGHT", range = Range::POSITIVE, heading = "Levels")]
     pub interval: Option<f64>,
     /// Lines at these heights, such as 10,50,100, instead
-    #[option(alias = "at", value = "LIST", with = Numbers, heading = "Levels")]
+    #[option(alias = "at", value = "LIST", with = Finite, heading = "Levels")]
     pub levels: Vec<f64>,
     /// Height from which the multiples are counted
     #[option(alias = "offset", value = "HEIGHT", with = Finite, usual = "0", heading = "Levels")]
@@ -222,6 +223,7 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
     let options = OpenOptions { threads: budget.threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
+    not_member(source.as_ref(), &job.output)?;
     let work = Work::new(job, source.info())?;
     let sink = work.sink()?;
     let pieces = work.trace(source.as_ref(), progress, cancel)?;

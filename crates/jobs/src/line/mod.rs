@@ -27,6 +27,7 @@ pub use tool::Measure;
 pub(crate) use whole::positions;
 
 use crate::figures::Figures;
+use crate::outputs::not_among;
 use crate::transform::Transform;
 use crate::{Cancel, Progress, Resources};
 use files::Files;
@@ -34,6 +35,7 @@ use part::Tally;
 use stored::Store;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::registry::named;
+use terrane_files::name_of;
 use terrane_line::topology::{Collapse, Strategy};
 use terrane_line::{METHODS, Method};
 use terrane_vector as vector;
@@ -140,6 +142,7 @@ pub fn method(name: &str) -> Result<&'static Method> {
 pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<LineReport> {
     let started = Instant::now();
     job.check()?;
+    job.check_files()?;
     let files = Files::of(job)?;
     let mut report = match (&job.topology, job.goal) {
         (None, Goal::Tolerance(_) | Goal::Area(_)) => stream::run(job, &files, progress, cancel)?,
@@ -156,6 +159,17 @@ impl LineJob {
     /// True where the output is a folder.
     fn is_into_folder(&self) -> bool {
         self.into_folder || self.input.len() > 1
+    }
+
+    /// Fails where something that is read would be replaced, or two outputs be one.
+    fn check_files(&self) -> Result<()> {
+        let mut written = outputs(self)?;
+        written.extend(self.hierarchy.clone());
+        let sides = self.topology.as_ref().and_then(|topology| topology.sides.clone());
+        let read = self.input.iter().cloned().chain(sides);
+        let beside = self.transform.iter().flat_map(|own| own.files().map(Path::to_path_buf));
+        let read = read.chain(beside).map(name_of).collect::<Result<Vec<_>>>()?;
+        not_among(&read, &written.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 
     /// Fails where it can be known without the inputs that the job cannot be done.

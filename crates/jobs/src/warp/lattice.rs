@@ -27,7 +27,7 @@ pub struct LatticeOptions {
     #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds, usual = "all of the input")]
     pub extent: Option<[f64; 4]>,
     /// Grid whose lattice the output is to have: sample on sample
-    #[option(value = "GRID", with = FileName, role = Reads)]
+    #[option(value = "GRID", with = FileName, role = ReadsGrid)]
     pub like: Option<String>,
 }
 

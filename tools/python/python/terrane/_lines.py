@@ -16,6 +16,18 @@ from terrane._settings import settings
 from terrane._source import crs_text
 
 METRICS = ("plane", "space", "metres")
+GOALS = ("area", "keep_count", "keep_ratio")
+# Options of files of lines that geometries have, too.
+OF_GEOMETRIES = (
+    "area",
+    "collapse",
+    "decimals",
+    "keep_count",
+    "keep_ratio",
+    "sides",
+    "snap",
+    "strategy",
+)
 
 
 class Lines:
@@ -77,7 +89,7 @@ def sorted_lines(
 def simplify(
     geometry: Any,
     tolerance: float | None = None,
-    method: str = "cone",
+    method: str | None = None,
     *,
     offsets: Any = None,
     topology: bool = False,
@@ -108,8 +120,8 @@ def simplify(
     metric
         "plane": in x and y; "space": in x, y and z; "metres": on the ellipsoid, of longitudes and latitudes.
     options
-        Of geometries: other options of `simplify_file`, such as `snap`, `collapse`, `strategy`, `decimals`, or `keep_ratio`,
-        `keep_count` or `target_size` in place of the tolerance.
+        Of geometries, as for `simplify_file`: `snap`, `sides`, `strategy`, `collapse` and `decimals`; `area`, `keep_ratio` or
+        `keep_count` in place of the tolerance.
     offsets, rings
         Of positions: where each line begins, and the end of the last one; whether lines are rings.
 
@@ -124,13 +136,23 @@ def simplify(
     array([[0., 0.],
            [2., 0.]])
     """
+    method = method or "cone"
     if metric not in METRICS:
         raise usage(f"there is no metric {metric!r}", f"choose one of {', '.join(METRICS)}")
-    if tolerance is not None or not options:
+    if tolerance is not None or not any(key in options for key in GOALS):
         tolerance = needed("tolerance", tolerance)
     asked = None
+    options = {key: value for key, value in options.items() if value is not None}
+    for key in options.keys() - set(OF_GEOMETRIES):
+        raise usage(
+            f"simplify of geometries has no option {key!r}",
+            f"pass one of {', '.join(OF_GEOMETRIES)}, or call simplify_file",
+        )
+    if metric == "metres" and tolerance is None:
+        raise usage("metres are those of a tolerance, and none is given", "leave the metric out")
     if topology or metric == "metres" or options:
         asked = {**goal_of(tolerance, method, metric), "topology": topology, **options}
+        _terrane.check_operation("simplify", asked, "lines.wkt")
     run = settings(threads, memory, progress)
     plain = isinstance(geometry, np.ndarray) and geometry.dtype.kind in "fiu"
     if plain or offsets is not None:

@@ -56,7 +56,7 @@ OPTIONS = {
     "tolerance": TOLERANCE,
     "interval": LENGTH,
     "levels": ANY,
-    "band": COUNT,
+    "band": Range(least=1, most=2**32 - 1, whole=True),
     "tile": COUNT,
     "threads": COUNT,
     "memory": COUNT,

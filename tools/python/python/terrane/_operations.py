@@ -38,41 +38,38 @@ def tables() -> dict[str, Any]:
 
 
 def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, Any]:
-    """Runs an operation with all keywords that were given."""
-    reading = {key: options.pop(key) for key in SOURCE if key in options}
+    """Runs an operation with all keywords that were given; what can be wrong with these is told before anything is opened."""
+    of_grids = tables()[name]["of_grids"]
+    reading = {key: options.pop(key) for key in SOURCE if of_grids and key in options}
     progress = settings(None, None, options.pop("progress", None))
-    if options.get("to_crs") is not None:
-        options["to_crs"] = crs_text(options["to_crs"])
-    refuse_existing(os.fspath(path), bool(options.get("overwrite")))
+    for key in ("to_crs", "to-crs"):
+        if options.get(key) is not None:
+            options[key] = crs_text(options[key])
+    output = os.fspath(path)
+    _terrane.check_operation(name, options, output)
+    refuse_existing(output, bool(options.get("overwrite")))
+    if not of_grids:
+        return _terrane.run_on_features(name, os.fspath(src), output, options, progress)
     with opened(src, **reading) as (grid, _):
-        return grid.run(name, os.fspath(path), options, progress)
-
-
-def simplified(src: Any, path: Any, options: dict[str, Any]) -> dict[str, Any]:
-    """Runs the operation on features with all keywords that were given."""
-    progress = settings(None, None, options.pop("progress", None))
-    if options.get("to_crs") is not None:
-        options["to_crs"] = crs_text(options["to_crs"])
-    refuse_existing(os.fspath(path), bool(options.get("overwrite")))
-    names = os.fspath(src), os.fspath(path)
-    return _terrane.run_on_features("simplify", *names, options, progress)
+        return grid.run(name, output, options, progress)
 
 
 def written(name: str) -> Callable[..., dict[str, Any]]:
     """The function of an operation that writes a file."""
-    before = [option["name"] for option in tables()[name]["options"] if option["positional"]]
+    names = ["src", *(own["name"] for own in tables()[name]["options"] if own["positional"]), "path"]
 
-    def function(src: Any, *names: Any, **options: Any) -> dict[str, Any]:
-        if "path" in options:
-            names = (*names, options.pop("path"))
-        options.update(zip(before, names, strict=False))
-        if len(names) != len(before) + 1:
-            raise usage(f"{function.__name__} takes src, {', '.join([*before, 'path'])} and keywords")
-        if name == "simplify":
-            return simplified(src, names[-1], options)
-        return run(name, src, names[-1], options)
+    def function(*values: Any, **options: Any) -> dict[str, Any]:
+        twice = [key for key in names[: len(values)] if key in options]
+        given = {**dict(zip(names, values, strict=False)), **options}
+        if twice or len(values) > len(names) or not given.keys() >= set(names):
+            raise usage(f"{called(name)} takes {', '.join(names)} and keywords")
+        return run(name, given.pop("src"), given.pop("path"), given)
 
     return documented(function, name)
+
+
+# What lines in memory do not have.
+OF_FILES = ("index", "with_z", "3d", "format", "overwrite")
 
 
 def contour(
@@ -82,6 +79,9 @@ def contour(
     options["interval"] = interval
     if output is not None:
         return run("contour", src, output, options)
+    for key in OF_FILES:
+        if options.get(key):
+            raise usage(f"{key} is for files, and the lines stay in memory", "pass output, too")
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "lines.fgb")
         run("contour", src, path, options)

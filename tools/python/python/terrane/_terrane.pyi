@@ -15,6 +15,7 @@ __all__ = [
     "Mesh",
     "Plan",
     "command_line",
+    "check_operation",
     "operations",
     "read_lines",
     "simplify_places",
@@ -156,6 +157,7 @@ class Plan:
     ) -> dict[str, Any]: ...
 
 def operations() -> dict[str, Any]: ...
+def check_operation(operation: str, options: dict[str, Any], path: str) -> None: ...
 def command_line(args: Sequence[str]) -> int: ...
 def read_lines(
     path: str, attribute: str
