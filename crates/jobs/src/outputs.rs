@@ -64,8 +64,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         std::fs::write(path("a.tif"), b"x").unwrap();
-        let [here, there, new, again] =
-            ["a.tif", "./a.tif", "c.json", "./c.json"].map(|name| path(name));
+        let [here, there, new, again] = ["a.tif", "./a.tif", "c.json", "./c.json"].map(path);
         assert!(distinct(&[&here, &new, &there]).is_err() && distinct(&[&new, &again]).is_err());
         assert!(distinct(&[&here, &new]).is_ok());
         let read = [here.to_str().unwrap().to_owned()];
