@@ -31,6 +31,8 @@
 //! ```
 //!
 //! `#[options(rules = ..)]` says which options go together; a rule that names none fails to compile.
+//! `#[options(setters = own)]` gives a builder `crate::operation::Job` a setter for each field, `setters = group` all
+//! builders of structs that have the group; no two groups may have one name then.
 //!
 //! # Attributes of fields
 //!
