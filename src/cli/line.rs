@@ -105,10 +105,10 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     }
     let job = LineJob { into_folder, ..options.job(&input, &output)? };
     job.check()?;
-    check_report(&job, args.report.as_deref(), &[&input[..], &read_beside(options)?].concat())?;
     stdin.gather(&mut input, cancel)?;
     let Sifted { names, skipped } = args.many.sift(input, features, resources)?;
     let job = LineJob { into_folder, ..options.job(&names, &output)? };
+    check_report(&job, args.report.as_deref(), &[names, read_beside(options)?].concat())?;
     let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
@@ -132,6 +132,7 @@ fn check_files(
     check::not_among(&[input, &beside].concat(), &outputs)?;
     if let Some(report) = report {
         check::new_file(report, options.file.overwrite)?;
+        check::not_among(&beside, &[report])?;
     }
     match options.hierarchy.as_deref().filter(|path| !path.exists()) {
         Some(hierarchy) => check::new_file(hierarchy, false),

@@ -147,7 +147,7 @@ fn nonsense_is_told_on_one_line() {
     fails(&["a.geojson", "--interval", "1", "--levels", "1,2"], 2, &["--levels"]);
     fails(&["a.geojson", "--levels", "1,x"], 2, &["expected a number"]);
     fails(&["a.geojson", "--levels", "1", "--base", "2"], 2, &["--levels"]);
-    fails(&["a.geojson", "-i", "1", "--tolerance", "-1"], 2, &["0 or more"]);
+    fails(&["a.geojson", "-i", "1", "--tolerance", "-1"], 2, &["zero or more"]);
     fails(&["a.geojson", "-i", "1", "--tile", "3"], 2, &["16"]);
     fails(&["a.tif", "-i", "1"], 2, &[".geojson"]);
     fails(&["a.topojson", "-i", "1"], 2, &["TopoJSON"]);

@@ -14,10 +14,11 @@ pub(crate) fn result(text: &str) -> Result<()> {
     to_stdout(told(&below_title(text)).as_bytes())
 }
 
-/// A result with its options spelled, but for the names in its first line.
+/// A result with its options spelled, but for the names of files that may stand in its first line.
 fn below_title(text: &str) -> String {
-    let (title, rest) = text.split_at(text.find('\n').unwrap_or(0));
-    title.to_owned() + &Door::CommandLine.spell(rest)
+    let (title, _) = text.split_once('\n').unwrap_or_default();
+    let end = if title.contains(" -> ") { title.len() } else { 0 };
+    text[..end].to_owned() + &Door::CommandLine.spell(&text[end..])
 }
 
 /// Prints a result as indented JSON.
