@@ -224,6 +224,13 @@ impl<'a> Pairs<'a> {
 
     fn own(&self, feature: &Feature, facts: Facts, source: &dyn FeatureSource) -> Result<Own> {
         let needed = PROGRAM + 2 * OWN_VERTEX * feature.geometry.vertices() as u64;
+        // Before as much is taken once more.
+        if needed > self.job.resources.memory.max(LEAST) {
+            let mib = needed.div_ceil(1 << 20);
+            let message = format!("a feature as large as this takes {mib} MiB of memory");
+            let error = short(message, needed).in_file(Path::new(&self.job.original));
+            return Err(error.at(source.place()));
+        }
         let own = Own::new(feature, facts);
         let own = if self.format.holds.values == Values::Cells { own.one_row() } else { own };
         // Products of larger ones could not be told exactly.
@@ -237,12 +244,6 @@ impl<'a> Pairs<'a> {
             return Err(Error::bad_input(message)
                 .at(source.place())
                 .remedy("pass ‹tolerance› 1e-50 or more"));
-        }
-        if needed > self.job.resources.memory.max(LEAST) {
-            let mib = needed.div_ceil(1 << 20);
-            let message = format!("a feature as large as this takes {mib} MiB of memory");
-            let error = short(message, needed).in_file(Path::new(&self.job.original));
-            return Err(error.at(source.place()));
         }
         Ok(own)
     }
