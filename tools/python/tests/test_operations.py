@@ -6,6 +6,7 @@ import inspect
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,7 @@ def test_the_bytes_are_those_of_the_command_line(tmp_path: Path) -> None:
     for name, given in options.items():
         report = getattr(terrane, name)(grid, tmp_path / "python.tif", overwrite=True, **given)
         assert report["output_bytes"] == (tmp_path / "python.tif").stat().st_size
-        command = [os.environ.get("TERRANE", "terrane"), name, str(grid), "shell.tif", "--overwrite"]
+        command = [sys.executable, "-m", "terrane", name, str(grid), "shell.tif", "--overwrite"]
         done = subprocess.run([*command, *words[name], "-q"], cwd=tmp_path, check=False)
         assert done.returncode == 0
         assert (tmp_path / "python.tif").read_bytes() == (tmp_path / "shell.tif").read_bytes()
