@@ -10,10 +10,12 @@
 //! are left out; the pole itself has all heights of vertices there, and the furthest of them counts.
 //!
 //! A place that is rounded moves a sample up or down a slope. So of each sample it is told by how much it is surely off,
-//! and by how much it may be: that matters where walls are a thousand times as high as they are wide.
+//! and by how much it may be: that matters where walls are a thousand times as high as they are wide. Factors that are
+//! counted from the centre of the earth do not tell the sides of such walls apart either: a sample on one, or so near a
+//! side that rounding decides, is looked at from itself ([`Frame`]), together with all triangles it may lie in.
 
 use super::decode::Tile;
-use super::ellipsoid::{B, Meridian, Parallel, Vector, cross, dot, minus, plus};
+use super::ellipsoid::{A, B, Meridian, Parallel, Vector, cross, dot, length, minus, plus};
 use super::tiling::TileId;
 
 /// Metres from the axis, and cosine of a latitude, below which it is a pole: rounding.
@@ -24,7 +26,12 @@ const NONE: u32 = u32::MAX;
 
 /// Bytes that a vertex and its two triangles take here, while they are made.
 pub const BYTES_PER_VERTEX: usize =
-    2 * size_of::<Facet>() + size_of::<Vector>() + 6 * size_of::<[u32; 3]>();
+    2 * size_of::<Facet>() + 2 * size_of::<Vector>() + 6 * size_of::<[u32; 3]>();
+
+/// Metres that the distance of a normal from a side is rounded by, counted from the centre of the earth.
+const ROUNDING: f64 = 32.0 * f64::EPSILON * A;
+/// Cosine of the slope from which on a triangle is a wall.
+const WALL: f64 = 1.0 / 16.0;
 
 /// A triangle.
 #[derive(Clone, Debug)]
@@ -37,12 +44,16 @@ struct Facet {
     plane: (Vector, f64),
     /// The triangles beside, by side.
     beside: [u32; 3],
+    /// Metres of each side; of walls without end, and none where nothing is beyond.
+    lengths: [f64; 3],
+    corners: [u32; 3],
 }
 
 /// The triangles of a tile, in space.
 #[derive(Clone, Debug)]
 pub struct Facets {
     facets: Vec<Facet>,
+    positions: Vec<Vector>,
     /// The lowest and the highest vertex at the south pole, and at the north pole.
     poles: [Option<[f64; 2]>; 2],
 }
@@ -62,13 +73,10 @@ pub struct Seen {
     pub ends: [f64; 2],
 }
 
-/// What the heights of a sample beside an edge may differ by, counted in what its own triangle changes by where places
-/// are rounded: that of the other triangle may be steeper.
-const EITHER_SIDE: f64 = 4.0;
-
 /// A triangle on a parallel: what the determinants of its sides, and its plane, have as factors there.
 struct Row {
     sides: [[f64; 3]; 3],
+    lengths: [f64; 3],
     plane: [f64; 4],
     radius: f64,
     /// Length of the normal of the plane.
@@ -94,9 +102,7 @@ impl Facets {
             .collect();
         let mut facets: Vec<_> = triangles
             .iter()
-            .map(|(corners, _)| {
-                Facet::new(corners.map(|corner| positions[corner as usize]), origin)
-            })
+            .map(|(corners, _)| Facet::new(**corners, positions, origin))
             .collect();
         let around = (0u32..).zip(&triangles).flat_map(|(number, &(_, [a, b, c]))| {
             let side = |k: usize, from: u32, to: u32| ([from.min(to), from.max(to)], number, k);
@@ -115,7 +121,7 @@ impl Facets {
             let heights = at.iter().map(|&vertex| positions[vertex as usize][2].abs() - B);
             heights.map(|z| [z; 2]).reduce(|[low, high], [z, _]| [low.min(z), high.max(z)])
         };
-        Self { facets, poles: poles.each_ref().map(heights) }
+        Self { facets, positions: positions.to_vec(), poles: poles.each_ref().map(heights) }
     }
 
     /// Positions of the vertices of a tile.
@@ -132,7 +138,9 @@ impl Facets {
 
     /// Bytes that they take.
     pub fn bytes(&self) -> usize {
-        self.facets.len() * size_of::<Facet>() + size_of::<Self>()
+        self.facets.len() * size_of::<Facet>()
+            + self.positions.len() * size_of::<Vector>()
+            + size_of::<Self>()
     }
 
     /// Measures the samples of a row at these longitudes; voids are NaN. `from` is the triangle where the search
@@ -153,7 +161,8 @@ impl Facets {
             };
             let valid = heights.iter().enumerate().filter(|(_, height)| !height.is_nan());
             valid.for_each(|(index, &height)| {
-                seen.add(index, [(height - low).abs().max((height - high).abs()), 0.0], limit);
+                let distance = (height - low).abs().max((height - high).abs());
+                seen.add(index, Distance { distance, surely: distance, maybe: distance }, limit);
             });
             return seen;
         }
@@ -168,13 +177,75 @@ impl Facets {
                 now = self.walk(now, parallel, at);
                 row = self.facets[now as usize].on(parallel);
             }
+            let distance = if row.is_surely_in(at, ROUNDING + rounded) {
+                let [surface, steep] = row.height(at);
+                Distance::of((surface - height).abs(), steep * rounded)
+            } else {
+                let frame = Frame::new(parallel, at, height);
+                let here = self.walk_in(now, &frame);
+                if here != now {
+                    now = here;
+                    row = self.facets[now as usize].on(parallel);
+                }
+                self.near(now, &frame, rounded)
+            };
             if seen.count == 0 {
                 *from = now;
             }
-            let [surface, steep] = row.height(at);
-            seen.add(index, [(surface - height).abs(), steep * rounded], limit);
+            seen.add(index, distance, limit);
         }
         seen
+    }
+
+    /// A triangle as it is seen from a sample.
+    fn seen_from(&self, frame: &Frame, facet: &Facet) -> [Vector; 3] {
+        facet.corners.map(|corner| frame.look(self.positions[corner as usize]))
+    }
+
+    /// The side of a triangle that the normal of a sample passes on the outside, of several the first from `turn` on.
+    fn way_out(&self, frame: &Frame, facet: &Facet, turn: usize) -> Option<u32> {
+        let corners = self.seen_from(frame, facet);
+        let mut sides = (0..3).map(|k| (turn + k) % 3).filter(|&k| facet.beside[k] != NONE);
+        let out = sides.find(|&k| across(corners[k], corners[(k + 1) % 3]) < 0.0);
+        out.map(|side| facet.beside[side])
+    }
+
+    /// The triangle that the normal of a sample meets, as seen from there.
+    fn walk_in(&self, from: u32, frame: &Frame) -> u32 {
+        let mut now = from;
+        for turn in 0..=self.facets.len() {
+            match self.way_out(frame, &self.facets[now as usize], turn) {
+                Some(beside) => now = beside,
+                None => return now,
+            }
+        }
+        let mut all = (0..).zip(&self.facets);
+        all.find(|(_, facet)| self.way_out(frame, facet, 0).is_none()).map_or(now, |(at, _)| at)
+    }
+
+    /// How far a sample is from a triangle, surely from each that its place may lie in, and maybe from one of them.
+    fn near(&self, facet: u32, frame: &Frame, rounded: f64) -> Distance {
+        let mut seen = vec![facet];
+        let mut all: Option<Distance> = None;
+        let mut next = 0;
+        while let Some(facet) = seen.get(next).map(|&number| &self.facets[number as usize]) {
+            next += 1;
+            let corners = self.seen_from(frame, facet);
+            let [height, steep] = plane(corners);
+            let one = Distance::of(height.abs(), steep * rounded);
+            all = Some(all.map_or(one, |all| Distance {
+                surely: all.surely.min(one.surely),
+                maybe: all.maybe.max(one.maybe),
+                ..all
+            }));
+            for (k, &beside) in facet.beside.iter().enumerate().filter(|(_, at)| **at != NONE) {
+                let is_near = from_side(corners[k], corners[(k + 1) % 3]) <= rounded;
+                if is_near && !seen.contains(&beside) {
+                    seen.push(beside);
+                }
+            }
+        }
+        all.unwrap_or_default()
     }
 
     /// The triangle that the normal meets, or the last one before the border.
@@ -214,19 +285,24 @@ fn poles(positions: &[Vector]) -> [Vec<u32>; 2] {
 }
 
 impl Facet {
-    fn new(corners: [Vector; 3], origin: Vector) -> Self {
-        let [a, b, c] = corners.map(|corner| minus(corner, origin));
+    fn new(corners: [u32; 3], positions: &[Vector], origin: Vector) -> Self {
+        let from = corners.map(|corner| positions[corner as usize]);
+        let [a, b, c] = from.map(|corner| minus(corner, origin));
         let side = |from: Vector, to: Vector| {
             // Seen from the origin, so that no digits are lost: from x to, less (from - to) x the foot of the normal.
             plus(cross(from, to), cross(minus(from, to), origin))
         };
         let flat = |from: Vector, to: Vector| [from[0] - to[0], from[1] - to[1]];
         let normal = cross(minus(b, a), minus(c, a));
+        let is_wall = dot(normal, from[0]) <= WALL * length(from[0]) * length(normal);
+        let reach = |from, to| if is_wall { f64::INFINITY } else { length(minus(to, from)) };
         Self {
             sides: [side(a, b), side(b, c), side(c, a)],
             flat: [flat(a, b), flat(b, c), flat(c, a)],
             plane: (normal, dot(normal, a) + dot(normal, origin)),
             beside: [NONE; 3],
+            lengths: [reach(a, b), reach(b, c), reach(c, a)],
+            corners,
         }
     }
 
@@ -235,6 +311,7 @@ impl Facet {
         for k in 0..3 {
             if self.beside[k] == NONE {
                 (self.sides[k], self.flat[k]) = ([0.0; 3], [0.0; 2]);
+                self.lengths[k] = if self.lengths[k].is_finite() { 0.0 } else { f64::INFINITY };
             }
         }
     }
@@ -250,6 +327,7 @@ impl Facet {
         let rest = level - normal[2] * (radius * sin - drop);
         Row {
             sides: [side(0), side(1), side(2)],
+            lengths: self.lengths,
             plane: [cos * normal[0], cos * normal[1], sin * normal[2], rest],
             radius,
             length: dot(normal, normal).sqrt(),
@@ -268,6 +346,11 @@ impl Row {
         (0..3).all(|k| self.side(k, at) >= 0.0)
     }
 
+    /// Whether the normal passes all sides on the inside by so many metres, and this is no wall.
+    fn is_surely_in(&self, at: Meridian, margin: f64) -> bool {
+        (0..3).all(|k| self.side(k, at) >= self.lengths[k] * margin)
+    }
+
     /// The height at which the normal meets the plane, and metres up the plane for one along it.
     fn height(&self, at: Meridian) -> [f64; 2] {
         let [x, y, z, rest] = self.plane;
@@ -278,17 +361,75 @@ impl Row {
 }
 
 impl Seen {
-    fn add(&mut self, index: usize, [distance, rounded]: [f64; 2], limit: f64) {
-        let (distance, rounded) =
-            if distance.is_finite() { (distance, rounded) } else { (f64::INFINITY, 0.0) };
-        let sure = distance - rounded;
+    fn add(&mut self, index: usize, distance: Distance, limit: f64) {
+        let Distance { distance, surely, maybe } = distance;
         self.count += 1;
-        self.over += u64::from(sure > limit);
-        self.ends[0] = self.ends[0].max(sure);
-        self.ends[1] = self.ends[1].max(distance + EITHER_SIDE * rounded);
+        self.over += u64::from(surely > limit);
+        self.ends[0] = self.ends[0].max(surely);
+        self.ends[1] = self.ends[1].max(maybe);
         self.squares += distance * distance;
         if self.most.is_none_or(|(most, _)| distance > most) {
             self.most = Some((distance, index));
         }
     }
+}
+
+/// Metres that a sample is from the surface: as its place is given, and at the least and at the most, that being rounded.
+#[derive(Clone, Copy, Debug, Default)]
+struct Distance {
+    distance: f64,
+    surely: f64,
+    maybe: f64,
+}
+
+impl Distance {
+    /// From a triangle, where that changes by so much as far as places are rounded.
+    fn of(distance: f64, rounded: f64) -> Self {
+        if distance.is_finite() {
+            Self { distance, surely: distance - rounded, maybe: distance + rounded }
+        } else {
+            Self { distance: f64::INFINITY, surely: f64::INFINITY, maybe: f64::INFINITY }
+        }
+    }
+}
+
+/// A sample, and the directions to the east, to the north and up from there. Nothing is far from it, so that rounding
+/// takes no more than part of a nanometre.
+struct Frame {
+    at: Vector,
+    axes: [Vector; 3],
+}
+
+impl Frame {
+    fn new(parallel: &Parallel, at: Meridian, height: f64) -> Self {
+        let axes = [at.east(), parallel.north(at), parallel.normal(at)];
+        Self { at: parallel.position(at, height), axes }
+    }
+
+    fn look(&self, position: Vector) -> Vector {
+        self.axes.map(|axis| dot(axis, minus(position, self.at)))
+    }
+}
+
+/// Twice the area of the triangle of the origin and a side, seen from above: above zero where the origin is on its left.
+fn across([ax, ay, _]: Vector, [bx, by, _]: Vector) -> f64 {
+    ax * by - ay * bx
+}
+
+/// How far the origin is from a side, seen from above.
+fn from_side(a: Vector, b: Vector) -> f64 {
+    let [x, y] = [b[0] - a[0], b[1] - a[1]];
+    let square = x * x + y * y;
+    let along = if square > 0.0 { -(a[0] * x + a[1] * y) / square } else { 0.0 };
+    let along = along.clamp(0.0, 1.0);
+    (a[0] + along * x).hypot(a[1] + along * y)
+}
+
+/// The height of the plane through three corners above the origin, and metres up the plane for one along it.
+fn plane(corners: [Vector; 3]) -> [f64; 2] {
+    let [a, b, c] = corners;
+    let parts = [across(b, c), across(c, a), across(a, b)];
+    let area: f64 = parts.iter().sum();
+    let height: f64 = parts.iter().zip(corners).map(|(part, corner)| part * corner[2]).sum();
+    [height / area, length(cross(minus(b, a), minus(c, a))) / area.abs()]
 }
