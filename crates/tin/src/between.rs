@@ -10,6 +10,7 @@
 //! the edge ends on that rim, and both triangles beside it are within reach of a patch.
 
 use super::crossing::{Crossing, Crossings};
+use super::greedy::ROUNDS;
 use super::mesh::{Mesh, NONE, State};
 use super::{Local, mesh::Tri};
 
@@ -41,6 +42,9 @@ pub(super) fn insert(
         rounds.look(crossings, mesh);
         let mut is_done = true;
         for i in 0..rounds.over.len() {
+            if i % ROUNDS == ROUNDS - 1 && crossings.is_stopped() {
+                return;
+            }
             is_done &= !rounds.mend(mesh, rounds.over[i]);
         }
         if is_done || crossings.is_stopped() {
@@ -56,7 +60,11 @@ impl Rounds {
         self.over.clear();
         self.fresh.clear();
         self.fresh.extend(mesh.ids().filter(|&id| is_fresh(&mesh.tris[id as usize])));
-        for half_edge in self.fresh.iter().flat_map(|id| 4 * id..4 * id + 3) {
+        let edges = self.fresh.iter().flat_map(|id| 4 * id..4 * id + 3);
+        for (round, half_edge) in edges.enumerate() {
+            if round % ROUNDS == ROUNDS - 1 && crossings.is_stopped() {
+                break;
+            }
             let twin = mesh.twin(half_edge);
             if twin != NONE && (!is_fresh(&mesh.tris[(twin >> 2) as usize]) || twin < half_edge) {
                 continue;

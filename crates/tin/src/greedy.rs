@@ -98,7 +98,7 @@ pub(super) fn fit(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists, str
 const BUCKETS: usize = 64;
 
 /// Insertions between two looks at whether to stop: a millisecond or so.
-const ROUNDS: usize = 1024;
+pub(super) const ROUNDS: usize = 1024;
 
 /// Work lists, kept between tiles.
 #[derive(Debug, Default)]
@@ -141,10 +141,13 @@ fn bucket_of(error: f32, tolerance: f64) -> usize {
 /// have passed at stride 1.
 fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
     lists.begin(mesh);
+    // Over all batches, as most are small.
+    let mut rounds = 0_usize;
     loop {
         while let Some(bucket) = lists.next_batch() {
             for i in 0..lists.batch.len() {
-                if i % ROUNDS == ROUNDS - 1 && judge.field.is_stopped() {
+                rounds += 1;
+                if rounds.is_multiple_of(ROUNDS) && judge.field.is_stopped() {
                     return;
                 }
                 let id = lists.batch[i];
@@ -246,7 +249,10 @@ impl WorkLists {
     /// Scans what passed at a coarse stride more finely; false when nothing is left to scan.
     fn refine(&mut self, judge: &Judge<'_>, mesh: &mut Mesh) -> bool {
         let passed = std::mem::take(&mut self.passed);
-        for &(id, level) in &passed {
+        for (round, &(id, level)) in passed.iter().enumerate() {
+            if round % ROUNDS == ROUNDS - 1 && judge.field.is_stopped() {
+                return false;
+            }
             if mesh.tris[id as usize].state == State::Passed(level) {
                 let finer = level.saturating_sub(REFINE_STEP);
                 self.scan(judge, mesh, id, finer, usize::MAX);

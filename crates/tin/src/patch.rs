@@ -10,7 +10,7 @@
 
 use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::Judge;
+use super::greedy::{Judge, ROUNDS};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
@@ -307,7 +307,10 @@ fn finish(
 ) -> PatchMesh {
     let field = border.field;
     let mut patch = PatchMesh::default();
-    for id in mesh.ids() {
+    for (round, id) in mesh.ids().enumerate() {
+        if round % ROUNDS == ROUNDS - 1 && field.is_stopped() {
+            return PatchMesh::default();
+        }
         let tri = &mesh.tris[id as usize];
         patch.border.extend(border.beside(tri));
         let kept = sorted.get(tri.source as usize);

@@ -18,7 +18,7 @@ use super::between::{self, Rounds};
 use super::breaklines;
 use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::{Judge, WorkLists, fit};
+use super::greedy::{Judge, ROUNDS, WorkLists, fit};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Fixed, Mesh, NONE, State, next};
 use super::rim::{Rim, Role, Surface, posts};
@@ -304,7 +304,10 @@ fn finish(
     let Scratch { field, mesh, used, .. } = scratch;
     let triangles = Vec::with_capacity(mesh.tris.len());
     let mut result = TileMesh { triangles, ..TileMesh::default() };
-    for id in mesh.ids() {
+    for (round, id) in mesh.ids().enumerate() {
+        if round % ROUNDS == ROUNDS - 1 && field.is_stopped() {
+            return TileMesh::default();
+        }
         let tri = &mesh.tris[id as usize];
         if tri.state == State::Outside {
             continue;

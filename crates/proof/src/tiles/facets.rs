@@ -100,10 +100,8 @@ impl Facets {
             .map(|corners| (corners, corners.map(one)))
             .filter(|(corners, joined)| is_line(**corners) || !is_line(*joined))
             .collect();
-        let mut facets: Vec<_> = triangles
-            .iter()
-            .map(|(corners, _)| Facet::new(**corners, positions, origin))
-            .collect();
+        let mut facets: Vec<_> =
+            triangles.iter().map(|(corners, _)| Facet::new(**corners, positions, origin)).collect();
         let around = (0u32..).zip(&triangles).flat_map(|(number, &(_, [a, b, c]))| {
             let side = |k: usize, from: u32, to: u32| ([from.min(to), from.max(to)], number, k);
             [side(0, a, b), side(1, b, c), side(2, c, a)]
