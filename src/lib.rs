@@ -89,7 +89,9 @@ pub use terrane_jobs::convert::{ConvertOptions, ConvertReport};
 pub use terrane_jobs::figures::Figures;
 pub use terrane_jobs::grid::{Canopy, GridReport, GroundFrom, Preset};
 pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
-pub use terrane_jobs::operation::{Job, Listed, Memory, OPERATIONS, Operation, Reads, Writes};
+pub use terrane_jobs::operation::{
+    AnyOperation, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,
+};
 pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,

@@ -18,7 +18,7 @@ use crate::jobs::Resources;
 use crate::jobs::contour::ContourReport;
 use crate::jobs::convert::ConvertReport;
 use crate::jobs::memory::cache_beside;
-use crate::jobs::operation::{Has, Operation, Writes, read_beside};
+use crate::jobs::operation::{Has, Operation, Request, Writes, read_beside};
 use crate::jobs::options::{FileOutput, GridInput};
 use crate::jobs::sift::Sifted;
 use crate::raster::{self, OpenOptions};
@@ -136,8 +136,11 @@ impl<O: Operation<Report: Summary> + Has<GridInput> + Has<FileOutput>> Verb for 
         let Sifted { names, skipped } = self.many.sift(input, grids, &resources)?;
         let are_made = names.iter().all(|name| is_made(name));
         let inputs = stdin.inputs(names);
+        let (progress, cancel) = (self.show.progress(), call.cancel);
+        let request =
+            Request { inputs: &inputs, output: &output, progress: progress.as_ref(), cancel };
         let made = options
-            .run(&inputs, &output, self.show.progress().as_ref(), call.cancel)
+            .run(request)
             .map_err(|error| if are_made { synth::size(error) } else { error })?;
         stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
         let told = report::WithSkipped { report: &made, skipped: &skipped };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::verify::VerifyBuilder;
 use terrane_base::Result;
 use terrane_jobs::line::LineOptions;
-use terrane_jobs::operation::{Call, Job, Listed};
+use terrane_jobs::operation::{AnyOperation, Call, Job, Request};
 use terrane_jobs::options::FeatureInput;
 use terrane_jobs::{Cancel, Progress};
 use terrane_raster::Inputs;
@@ -66,7 +66,7 @@ impl Features {
     /// Options that there are not; else those of [`Job::write`].
     pub fn run(
         &self,
-        operation: &Listed,
+        operation: &AnyOperation,
         output: &Path,
         options: &serde_json::Map<String, serde_json::Value>,
         progress: &dyn Progress,
@@ -74,7 +74,8 @@ impl Features {
     ) -> Result<serde_json::Value> {
         let inputs = &Inputs::from(self.path.clone());
         let reading = terrane_options::to_map(&FeatureInput { layer: self.layer.clone() });
-        (operation.run)(&Call { inputs, reading, output, options, progress, cancel })
+        let request = Request { inputs, output, progress, cancel };
+        (operation.run)(&Call { request, reading, options })
     }
 
     /// The proof of simplified lines in a file against these.

@@ -12,7 +12,7 @@ use terrane_files::name_of;
 use terrane_jobs::colours::ColorReliefOptions;
 use terrane_jobs::contour::ContourOptions;
 use terrane_jobs::convert::ConvertOptions;
-use terrane_jobs::operation::{Call, Has, Job, Listed, Operation};
+use terrane_jobs::operation::{AnyOperation, Call, Has, Job, Operation, Request};
 use terrane_jobs::options::GridInput;
 use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
@@ -359,14 +359,15 @@ impl Grid {
     /// Options that there are not; else those of [`Job::write`].
     pub fn run(
         &self,
-        operation: &Listed,
+        operation: &AnyOperation,
         output: &Path,
         options: &serde_json::Map<String, serde_json::Value>,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<serde_json::Value> {
         let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
-        (operation.run)(&Call { inputs, reading, output, options, progress, cancel })
+        let request = Request { inputs, output, progress, cancel };
+        (operation.run)(&Call { request, reading, options })
     }
 
     /// Tiles of it for viewers of the globe.

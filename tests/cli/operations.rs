@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use serde_json::{Map, Value as Json, json};
-use terrane::{Cancel, Listed, OPERATIONS, Reads, Silent};
+use terrane::{AnyOperation, Cancel, OPERATIONS, Reads, Silent};
 use terrane_base::door::Door;
 use terrane_options::{Field, Kind, Rule, Shape, texts_of};
 
@@ -92,7 +92,7 @@ const UNTRIED: &[(&str, &str)] = &[
 ];
 
 /// What options an operation needs to run at all.
-fn needed(operation: &Listed) -> Map<String, Json> {
+fn needed(operation: &AnyOperation) -> Map<String, Json> {
     let needed = match operation.name {
         "color-relief" => json!({ "colors": "colors.txt" }),
         "contour" => json!({ "interval": 10 }),
@@ -104,7 +104,7 @@ fn needed(operation: &Listed) -> Map<String, Json> {
 }
 
 /// The file that an operation writes.
-fn output(operation: &Listed, options: &Map<String, Json>) -> &'static str {
+fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str {
     match (operation.name, options.get("format").and_then(Json::as_str)) {
         ("tiles", _) => "out",
         ("contour" | "simplify", Some("FlatGeobuf")) => "out.fgb",
@@ -115,7 +115,7 @@ fn output(operation: &Listed, options: &Map<String, Json>) -> &'static str {
 }
 
 /// A value of an option, and the options to go with it; none where it cannot be tried.
-fn tried(operation: &Listed, field: &Field) -> Option<Map<String, Json>> {
+fn tried(operation: &AnyOperation, field: &Field) -> Option<Map<String, Json>> {
     if UNTRIED.iter().any(|(name, _)| *name == field.name) {
         return None;
     }
@@ -141,7 +141,7 @@ fn tried(operation: &Listed, field: &Field) -> Option<Map<String, Json>> {
 }
 
 /// Options as the command line has them; names go before the output.
-fn arguments(operation: &Listed, options: &Map<String, Json>) -> (Vec<String>, Vec<String>) {
+fn arguments(operation: &AnyOperation, options: &Map<String, Json>) -> (Vec<String>, Vec<String>) {
     let (mut names, mut arguments) = (Vec::new(), Vec::new());
     for (name, value) in options.iter().filter(|(_, value)| !value.is_null()) {
         let field = operation.table.find(name).unwrap();
@@ -165,7 +165,11 @@ fn arguments(operation: &Listed, options: &Map<String, Json>) -> (Vec<String>, V
 }
 
 /// The same with paths that lead there from anywhere.
-fn in_place(place: &Place, operation: &Listed, options: &Map<String, Json>) -> Map<String, Json> {
+fn in_place(
+    place: &Place,
+    operation: &AnyOperation,
+    options: &Map<String, Json>,
+) -> Map<String, Json> {
     let absolute = |(name, value): (&String, &Json)| {
         let is_path = matches!(operation.table.find(name).unwrap().kind, Kind::Path);
         let value = match value.as_str() {
@@ -267,7 +271,11 @@ fn each_option_does_the_same_at_each_door() {
 }
 
 /// The options without one of them; what is needed with it alone goes, too.
-fn without(operation: &Listed, field: &Field, options: &Map<String, Json>) -> Map<String, Json> {
+fn without(
+    operation: &AnyOperation,
+    field: &Field,
+    options: &Map<String, Json>,
+) -> Map<String, Json> {
     let mut others = options.clone();
     others.remove(field.name);
     let needed = needed(operation);
@@ -283,7 +291,7 @@ fn without(operation: &Listed, field: &Field, options: &Map<String, Json>) -> Ma
 /// What an operation writes, which both doors agree on.
 fn write_both(
     place: &Place,
-    operation: &Listed,
+    operation: &AnyOperation,
     options: &Map<String, Json>,
     input: &str,
 ) -> Vec<u8> {
@@ -323,7 +331,7 @@ fn taken(path: &Path) -> Vec<u8> {
 /// What the library makes of it.
 fn by_library(
     place: &Place,
-    operation: &Listed,
+    operation: &AnyOperation,
     input: &str,
     output: &Path,
     options: &Map<String, Json>,
@@ -342,7 +350,7 @@ fn by_library(
 }
 
 /// What an operation is tried on.
-fn input(operation: &Listed) -> &'static str {
+fn input(operation: &AnyOperation) -> &'static str {
     match operation.reads {
         Reads::Grid => TERRAIN,
         Reads::Features => "lines.wkt",
@@ -365,7 +373,7 @@ fn what_does_not_go_together_is_refused_at_each_door_before_anything_is_read() {
     assert!(tried >= 7, "{tried}");
 }
 
-fn refuse_both(place: &Place, operation: &Listed, name: &str, other: &str) {
+fn refuse_both(place: &Place, operation: &AnyOperation, name: &str, other: &str) {
     let options = [name, other]
         .into_iter()
         .flat_map(|name| tried(operation, operation.table.find(name).unwrap()).unwrap_or_default());

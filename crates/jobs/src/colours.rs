@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
-use crate::operation::{Operation, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{FileName, FileOutput, GridInput, GridOutput};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
@@ -45,16 +45,16 @@ pub struct ColorReliefOptions {
     pub exact: bool,
     /// Write opacity, too, as a fourth band
     pub alpha: bool,
-    /// What is written.
+    /// The output file.
     #[option(flatten)]
     pub file: FileOutput,
-    /// How it is written.
+    /// How its format is written.
     #[option(flatten)]
     pub written: GridOutput,
-    /// What is read.
+    /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
 }
@@ -92,14 +92,9 @@ impl Operation for ColorReliefOptions {
         copy.options.check(output)
     }
 
-    fn run(
-        &self,
-        inputs: &Inputs,
-        output: &Path,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<ConvertReport> {
-        run(self, &self.copy(inputs, output)?, progress, cancel)
+    fn run(&self, request: Request<'_>) -> Result<ConvertReport> {
+        let copy = self.copy(request.inputs, request.output)?;
+        run(self, &copy, request.progress, request.cancel)
     }
 }
 

@@ -17,7 +17,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::figures::Figures;
-use crate::operation::{Operation, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{
     FileOutput, FiniteOrNan, GridInput, GridOutput, Reprojection, ResamplingName, SampleTypeName,
 };
@@ -45,18 +45,18 @@ use terrane_resample::RESAMPLINGS;
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 pub struct ConvertOptions {
-    /// What is written.
+    /// The output file.
     #[option(flatten)]
     pub file: FileOutput,
-    /// How it is written.
+    /// How its format is written.
     #[option(flatten)]
     pub written: GridOutput,
     /// Type of the written samples, such as int16 or float32
     #[option(name = "type", alias = "dtype", value = "NAME", with = SampleTypeName, heading = "Output",
-             usual = "the input's")]
+             default_text = "the input's")]
     pub sample_type: Option<SampleType>,
     /// Written value for voids
-    #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", usual = "the one they are read by")]
+    #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", default_text = "the one they are read by")]
     pub out_nodata: Option<f64>,
     /// Write the nearest value where the type does not hold a height exactly
     #[option(heading = "Output")]
@@ -65,16 +65,16 @@ pub struct ConvertOptions {
     /// without it
     #[option(value = "NAME", with = ResamplingName, heading = "Lattice")]
     pub resampling: Option<String>,
-    /// Where samples of the output are.
+    /// The lattice of the output.
     #[option(flatten)]
     pub lattice: Lattice,
-    /// In which system they are.
+    /// The coordinate reference system of the output.
     #[option(flatten)]
     pub reprojection: Reprojection,
-    /// What is read.
+    /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
 }
@@ -97,15 +97,9 @@ impl Operation for ConvertOptions {
         self.format(output)?.check(&self.written.co)
     }
 
-    fn run(
-        &self,
-        inputs: &Inputs,
-        output: &Path,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<ConvertReport> {
-        let job = ConvertJob { options: self.clone(), ..ConvertJob::new(inputs.clone(), output) };
-        run(&job, progress, cancel)
+    fn run(&self, request: Request<'_>) -> Result<ConvertReport> {
+        let job = ConvertJob::new(request.inputs.clone(), request.output);
+        run(&ConvertJob { options: self.clone(), ..job }, request.progress, request.cancel)
     }
 }
 

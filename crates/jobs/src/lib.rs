@@ -112,15 +112,15 @@ impl Progress for Silent {
 #[options(heading = "Resources", setters = group)]
 pub struct Resources {
     /// Worker threads
-    #[option(value = "N", default = cores(), usual = "all cores", range = Range::new(1.0, 1024.0), role = Run)]
+    #[option(value = "N", default = cores(), default_text = "all cores", range = Range::new(1.0, 1024.0), role = Run)]
     pub threads: usize,
     /// Memory for everything the job holds, such as 512M or 4GiB
     #[option(value = "SIZE", with = Bytes, default = default_memory(), role = Run, no_setter,
-             usual = "half of the machine's, at most 4GiB")]
+             default_text = "half of the machine's, at most 4GiB")]
     pub memory: u64,
     /// Folder for temporary files
     #[option(value = "DIR", with = FileName, role = Run,
-             usual = "the output's, or the system's where there is none and for inputs that must be unpacked")]
+             default_text = "the output's, or the system's where there is none and for inputs that must be unpacked")]
     pub temp_dir: Option<std::path::PathBuf>,
 }
 

@@ -28,19 +28,19 @@ use terrane_raster::{self as raster, Inputs};
 use terrane_vector as vector;
 
 /// All operations that write a file, in the order of the help.
-pub const OPERATIONS: &[Listed] = &[
-    Listed::of::<ConvertOptions>(),
-    Listed::of::<ContourOptions>(),
-    Listed::of::<LineOptions>(),
-    Listed::of::<TilesOptions>(),
-    Listed::of::<SlopeOptions>(),
-    Listed::of::<AspectOptions>(),
-    Listed::of::<HillshadeOptions>(),
-    Listed::of::<ColorReliefOptions>(),
-    Listed::of::<CurvatureOptions>(),
-    Listed::of::<RoughnessOptions>(),
-    Listed::of::<TpiOptions>(),
-    Listed::of::<TriOptions>(),
+pub const OPERATIONS: &[AnyOperation] = &[
+    AnyOperation::of::<ConvertOptions>(),
+    AnyOperation::of::<ContourOptions>(),
+    AnyOperation::of::<LineOptions>(),
+    AnyOperation::of::<TilesOptions>(),
+    AnyOperation::of::<SlopeOptions>(),
+    AnyOperation::of::<AspectOptions>(),
+    AnyOperation::of::<HillshadeOptions>(),
+    AnyOperation::of::<ColorReliefOptions>(),
+    AnyOperation::of::<CurvatureOptions>(),
+    AnyOperation::of::<RoughnessOptions>(),
+    AnyOperation::of::<TpiOptions>(),
+    AnyOperation::of::<TriOptions>(),
 ];
 
 /// A struct of options that has a group of them.
@@ -74,6 +74,19 @@ pub enum Writes {
     Tiles,
 }
 
+/// What a run reads and writes, and who watches it.
+#[derive(Clone, Copy)]
+pub struct Request<'a> {
+    /// Files of the grid, or of features.
+    pub inputs: &'a Inputs,
+    /// File to write.
+    pub output: &'a Path,
+    /// Who is told how far it is.
+    pub progress: &'a dyn Progress,
+    /// What may stop it.
+    pub cancel: &'a Cancel,
+}
+
 /// Something that is made of a grid or of features: a struct of options.
 pub trait Operation: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> {
     /// Its name, which is that of its verb, with dashes.
@@ -95,17 +108,11 @@ pub trait Operation: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<
     ///
     /// # Errors
     /// Those of [`check`](Self::check); what is wrong with the grid, the output or the machine.
-    fn run(
-        &self,
-        inputs: &Inputs,
-        output: &Path,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<Self::Report>;
+    fn run(&self, request: Request<'_>) -> Result<Self::Report>;
 }
 
 /// An operation whose type does not matter any more.
-pub struct Listed {
+pub struct AnyOperation {
     /// Its name, with dashes.
     pub name: &'static str,
     /// Its options.
@@ -124,21 +131,15 @@ pub struct Listed {
 
 /// What a run is asked for.
 pub struct Call<'a> {
-    /// Files of the grid, or of features.
-    pub inputs: &'a Inputs,
-    /// How they are read, by the names of options, unless one of these says otherwise.
+    /// What it reads and writes.
+    pub request: Request<'a>,
+    /// How inputs are read, by the names of options, unless one of these says otherwise.
     pub reading: Map<String, Json>,
-    /// File to write.
-    pub output: &'a Path,
     /// Options by name.
     pub options: &'a Map<String, Json>,
-    /// Who is told how far it is.
-    pub progress: &'a dyn Progress,
-    /// What may stop it.
-    pub cancel: &'a Cancel,
 }
 
-impl Listed {
+impl AnyOperation {
     const fn of<O: Operation>() -> Self {
         let defaults = || to_map(&O::default());
         let (reads, writes) = (O::READS, O::WRITES);
@@ -151,8 +152,8 @@ fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
     let mut given = call.reading.clone();
     given.extend(call.options.clone());
     let options: O = fill(&given)?;
-    check_all(&options, call.inputs, call.output)?;
-    let report = options.run(call.inputs, call.output, call.progress, call.cancel)?;
+    check_all(&options, call.request)?;
+    let report = options.run(call.request)?;
     serde_json::to_value(report)
         .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
 }
@@ -164,7 +165,8 @@ fn check_options<O: Operation>(given: &Map<String, Json>, output: &Path) -> Resu
 }
 
 /// All that can be known to be wrong before the work.
-fn check_all<O: Operation>(options: &O, inputs: &Inputs, output: &Path) -> Result<()> {
+fn check_all<O: Operation>(options: &O, request: Request<'_>) -> Result<()> {
+    let Request { inputs, output, .. } = request;
     check(options)?;
     options.check(output)?;
     let names = inputs.names();
@@ -291,8 +293,10 @@ impl<'a, O: Operation> Job<'a, O> {
         if let Some(memory) = &self.memory {
             Has::<Resources>::part_mut(&mut self.options).memory = memory.bytes()?;
         }
-        check_all(&self.options, &self.inputs, &path)?;
-        self.options.run(&self.inputs, &path, &*self.progress, &self.cancel)
+        let Self { inputs, progress, cancel, .. } = &self;
+        let request = Request { inputs, output: &path, progress: &**progress, cancel };
+        check_all(&self.options, request)?;
+        self.options.run(request)
     }
 }
 

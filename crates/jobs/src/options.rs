@@ -48,7 +48,7 @@ pub struct GridInput {
 #[options(setters = group)]
 pub struct FeatureInput {
     /// The object of TopoJSON files to read
-    #[option(value = "NAME", usual = "their first")]
+    #[option(value = "NAME", default_text = "their first")]
     pub layer: Option<String>,
 }
 
@@ -57,7 +57,7 @@ pub struct FeatureInput {
 #[options(heading = "Output", setters = group)]
 pub struct FileOutput {
     /// Format to write
-    #[option(value = "NAME", short = 'f', usual = "by the output's ending")]
+    #[option(value = "NAME", short = 'f', default_text = "by the output's ending")]
     pub format: Option<String>,
     /// Replace a file that exists
     #[option(role = Run)]

@@ -8,11 +8,12 @@ mod toned;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::Resources;
 use crate::colours::range;
 use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
 use crate::ground::Ground;
+use crate::operation::Request;
 use crate::options::{FileOutput, GridInput, GridOutput};
-use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_options::Options;
@@ -34,23 +35,23 @@ const NODATA: f64 = -9999.0;
 const ENCODING: &str = "ENCODING";
 const GRAY: &str = "GRAY";
 
-/// What all derivatives of a grid have
+/// Options of all derivatives of a grid
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 pub struct DerivativeOptions {
     /// Samples at the border of the grid and beside voids have a value, too: what is beyond the grid is on the line
     /// through the two samples inside, and voids are as high as the sample
     pub compute_edges: bool,
-    /// What is written.
+    /// The output file.
     #[option(flatten)]
     pub file: FileOutput,
-    /// How it is written.
+    /// How its format is written.
     #[option(flatten)]
     pub written: GridOutput,
-    /// What is read.
+    /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
 }
@@ -82,13 +83,8 @@ struct Asked<'a> {
 ///
 /// # Errors
 /// Those of [`convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
-fn run(
-    asked: &Asked<'_>,
-    inputs: &Inputs,
-    output: &Path,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<ConvertReport> {
+fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
+    let Request { inputs, output, progress, cancel } = request;
     let Asked { derivative, scale, common } = asked;
     let copy = common.copy(inputs, output);
     let picture = picture(&copy)?;

@@ -9,7 +9,7 @@ use syn::{
 
 use crate::docs;
 
-/// What is said of a field beside its comment.
+/// The attributes of a field.
 #[derive(Default)]
 struct Said {
     flatten: bool,
@@ -20,7 +20,7 @@ struct Said {
     heading: Option<LitStr>,
     default: Option<Expr>,
     /// The default in words.
-    usual: Option<LitStr>,
+    default_text: Option<LitStr>,
     range: Option<Expr>,
     codec: Option<Path>,
     /// What `--no-NAME` does.
@@ -30,7 +30,7 @@ struct Said {
     no_setter: bool,
 }
 
-/// What is said of the struct.
+/// The attributes of the struct.
 struct Whole {
     heading: LitStr,
     rules: Option<Path>,
@@ -128,7 +128,7 @@ fn said(attributes: &[Attribute]) -> Result<Said> {
                 () if is("value") => said.value = Some(meta.value()?.parse()?),
                 () if is("heading") => said.heading = Some(meta.value()?.parse()?),
                 () if is("default") => said.default = Some(meta.value()?.parse()?),
-                () if is("usual") => said.usual = Some(meta.value()?.parse()?),
+                () if is("default_text") => said.default_text = Some(meta.value()?.parse()?),
                 () if is("range") => said.range = Some(meta.value()?.parse()?),
                 () if is("with") => said.codec = Some(meta.value()?.parse()?),
                 () if is("off") => said.off = Some(meta.value()?.parse()?),
@@ -188,7 +188,8 @@ impl Parts {
         let codec = codec.map_or_else(|| quote!(::terrane_options::Plain), |path| quote!(#path));
         let heading = said.heading.as_ref().unwrap_or(&whole.heading);
         let Said { aliases, default, positional, .. } = said;
-        let (short, usual) = (optional(said.short.as_ref()), optional(said.usual.as_ref()));
+        let (short, default_text) =
+            (optional(said.short.as_ref()), optional(said.default_text.as_ref()));
         let (off, value) = (optional(said.off.as_ref()), optional(said.value.as_ref()));
         let range = optional(said.range.as_ref());
         let role = said.role.clone().unwrap_or_else(|| format_ident!("Result"));
@@ -201,7 +202,7 @@ impl Parts {
             heading: #heading,
             positional: #positional,
             value: #value,
-            usual: #usual,
+            default_text: #default_text,
             range: #range,
             role: ::terrane_options::Role::#role,
             kind: <#codec as ::terrane_options::Codec<#ty>>::KIND,

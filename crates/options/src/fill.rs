@@ -143,8 +143,8 @@ pub fn to_map<O: Options>(options: &O) -> Map<String, Json> {
 
 /// The values that are not at their defaults, by name.
 pub fn changed<O: Options>(options: &O) -> Map<String, Json> {
-    let usual = to_map(&O::default());
-    to_map(options).into_iter().filter(|(name, value)| usual.get(name) != Some(value)).collect()
+    let defaults = to_map(&O::default());
+    to_map(options).into_iter().filter(|(name, value)| defaults.get(name) != Some(value)).collect()
 }
 
 /// The error of a name that is none, with the nearest one that is.

@@ -12,7 +12,7 @@
 //! #[options(rules = RULES)]
 //! struct ShadeOptions {
 //!     /// Direction of the light, in degrees clockwise from north
-//!     #[option(value = "DEG", usual = "315")]
+//!     #[option(value = "DEG", default_text = "315")]
 //!     azimuth: Option<f64>,
 //!     /// Height of the light above the horizon, in degrees
 //!     #[option(value = "DEG", default = 45.0, range = Range::new(1.0, 90.0))]
@@ -39,7 +39,7 @@
 //! | `#[option(..)]` | says |
 //! |---|---|
 //! | `value = "DEG"` | what stands for the value in help |
-//! | `default = 45.0`, `usual = "all cores"` | the default, where it is not that of the type; how it is told where that depends on the machine or the data |
+//! | `default = 45.0`, `default_text = "all cores"` | the default, where it is not that of the type; how it is told where that depends on the machine or the data |
 //! | `range = Range::POSITIVE` | least and largest value |
 //! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | the name where it cannot be that of the field, others, and a letter |
 //! | `with = PathName` | the [`Codec`] of the value, where it is not [`Plain`] |

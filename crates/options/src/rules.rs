@@ -64,7 +64,7 @@ pub fn check<O: Options>(options: &O) -> Result<()> {
         }
     });
     found?;
-    let given = Given { table: O::TABLE, now: to_map(options), usual: to_map(&O::default()) };
+    let given = Given { table: O::TABLE, now: to_map(options), defaults: to_map(&O::default()) };
     O::TABLE.rules().into_iter().try_for_each(|rule| given.check(rule))
 }
 
@@ -88,7 +88,7 @@ fn check_value(field: &Field, value: &dyn AnyValue) -> Result<()> {
 struct Given {
     table: &'static Table,
     now: Map<String, Json>,
-    usual: Map<String, Json>,
+    defaults: Map<String, Json>,
 }
 
 impl Given {
@@ -96,7 +96,7 @@ impl Given {
     fn is(&self, term: &str) -> bool {
         match term.split_once('=') {
             Some((name, value)) => self.now.get(name).is_some_and(|now| text(now) == value),
-            None => self.now.get(term) != self.usual.get(term),
+            None => self.now.get(term) != self.defaults.get(term),
         }
     }
 

@@ -120,7 +120,7 @@ pub struct Field {
     /// What stands for its value in help.
     pub value: Option<&'static str>,
     /// The default in words.
-    pub usual: Option<&'static str>,
+    pub default_text: Option<&'static str>,
     /// The values of numbers.
     pub range: Option<Range>,
     /// What it is to the engine.

@@ -20,7 +20,7 @@ enum Light {
 #[options(heading = "Resources")]
 struct Machine {
     /// Worker threads
-    #[option(value = "N", default = 2, usual = "all cores", range = Range::new(1.0, 64.0), role = Run)]
+    #[option(value = "N", default = 2, default_text = "all cores", range = Range::new(1.0, 64.0), role = Run)]
     threads: u16,
 }
 
@@ -46,7 +46,7 @@ impl Codec<String> for Pairs {
 #[options(rules = RULES)]
 struct Shade {
     /// Degrees clockwise from north, see [`Light`]
-    #[option(value = "DEG", usual = "315")]
+    #[option(value = "DEG", default_text = "315")]
     azimuth: Option<f64>,
     /// How high it stands
     #[option(default = 45.0, range = Range::new(1.0, 90.0), alias = "height")]
@@ -76,10 +76,10 @@ fn filled(given: &Value) -> terrane_base::Result<Shade> {
 
 #[test]
 fn values_come_in_and_go_out_as_they_are() {
-    let usual = filled(&json!({})).unwrap();
-    assert_eq!(usual, Shade::default());
-    assert!(usual.drop && usual.altitude == 45.0 && usual.machine.threads == 2);
-    assert!(changed(&usual).is_empty());
+    let defaults = filled(&json!({})).unwrap();
+    assert_eq!(defaults, Shade::default());
+    assert!(defaults.drop && defaults.altitude == 45.0 && defaults.machine.threads == 2);
+    assert!(changed(&defaults).is_empty());
     let given = json!({
         "azimuth": 90, "height": 60, "drop": false, "co": [["A", 1], "B=x"], "threads": 3
     });
@@ -135,7 +135,10 @@ fn tables_say_all_that_is_said_of_fields() {
     assert_eq!(names, ["azimuth", "altitude", "light", "drop", "co", "threads"]);
     let field = |name: &str| table.find(name).unwrap();
     assert_eq!(field("azimuth").about, "Degrees clockwise from north, see `Light`");
-    assert_eq!((field("azimuth").shape, field("azimuth").usual), (Shape::Optional, Some("315")));
+    assert_eq!(
+        (field("azimuth").shape, field("azimuth").default_text),
+        (Shape::Optional, Some("315"))
+    );
     assert_eq!((field("height").name, field("threads").heading), ("altitude", "Resources"));
     assert_eq!((field("co").short, field("drop").off), (Some('c'), Some("Keep what is redundant")));
     assert!((field("altitude").check)("x").is_err() && (field("altitude").check)("-1e3").is_ok());

@@ -18,9 +18,9 @@ pub(crate) struct Tabled<O>(pub(crate) O);
 
 impl<O: Options> clap::Args for Tabled<O> {
     fn augment_args(command: Command) -> Command {
-        let usual = to_map(&O::default());
+        let defaults = to_map(&O::default());
         let fields = O::TABLE.fields().into_iter().filter(|field| !field.positional);
-        fields.fold(command, |command, field| command.arg(argument(field, &usual[field.name])))
+        fields.fold(command, |command, field| command.arg(argument(field, &defaults[field.name])))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -58,10 +58,10 @@ fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> {
     }
 }
 
-fn argument(field: &'static Field, usual: &serde_json::Value) -> Arg {
+fn argument(field: &'static Field, default: &serde_json::Value) -> Arg {
     let long = field.name.replace('_', "-");
     let long = if field.off.is_some() { format!("no-{long}") } else { long };
-    let mut argument = Arg::new(field.name).long(long).help(help(field, usual));
+    let mut argument = Arg::new(field.name).long(long).help(help(field, default));
     // Not that of arguments before.
     argument = match field.heading {
         "Options" => argument.help_heading(Resettable::Reset),
@@ -139,13 +139,15 @@ fn checked(field: &'static Field) -> ValueParser {
 }
 
 /// What an option means, and its default.
-fn help(field: &Field, usual: &serde_json::Value) -> String {
+fn help(field: &Field, default: &serde_json::Value) -> String {
     let about = Door::CommandLine.spell(field.off.unwrap_or(field.about)).into_owned();
-    let default = match (field.usual, field.shape, field.kind) {
+    let default = match (field.default_text, field.shape, field.kind) {
         (Some(words), ..) => Door::CommandLine.spell(words).into_owned(),
         (None, _, Kind::Flag) | (None, Shape::Optional | Shape::Repeated, _) => return about,
-        (None, Shape::One, _) if usual == &serde_json::json!([]) => return about,
-        (None, Shape::One, _) => usual.as_str().map_or_else(|| usual.to_string(), str::to_owned),
+        (None, Shape::One, _) if default == &serde_json::json!([]) => return about,
+        (None, Shape::One, _) => {
+            default.as_str().map_or_else(|| default.to_string(), str::to_owned)
+        }
     };
     format!("{about} [default: {default}]")
 }

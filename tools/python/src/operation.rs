@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
-use terrane::{Error, Listed, OPERATIONS, Reads};
+use terrane::{AnyOperation, Error, OPERATIONS, Reads};
 use terrane_files::name_of;
 use terrane_options::{Field, Kind, Shape};
 
@@ -14,7 +14,7 @@ use crate::error::told;
 use crate::report::dictionary;
 
 /// The operation of a name.
-pub(crate) fn named(name: &str) -> PyResult<&'static Listed> {
+pub(crate) fn named(name: &str) -> PyResult<&'static AnyOperation> {
     let found = OPERATIONS.iter().find(|operation| operation.name == name);
     found.ok_or_else(|| PyValueError::new_err(format!("there is no operation {name:?}")))
 }
@@ -36,7 +36,7 @@ pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 
 fn option(field: &Field, default: &Json) -> Json {
     let is_several = matches!(field.shape, Shape::Repeated) || default.is_array();
-    let default = if is_several || field.usual.is_some() { &Json::Null } else { default };
+    let default = if is_several || field.default_text.is_some() { &Json::Null } else { default };
     let mut ty = type_of(field.kind);
     if matches!((field.shape, field.kind), (Shape::Repeated, Kind::Choice(_))) {
         ty = format!("{ty} | Sequence[{ty}]");
@@ -49,7 +49,7 @@ fn option(field: &Field, default: &Json) -> Json {
         "about": field.about,
         "type": ty,
         "default": default,
-        "usual": field.usual,
+        "default_text": field.default_text,
         "positional": field.positional,
     })
 }
@@ -87,7 +87,7 @@ pub(crate) fn check_operation(
 
 /// Options from keywords.
 pub(crate) fn options_of(
-    operation: &Listed,
+    operation: &AnyOperation,
     given: &Bound<'_, PyDict>,
 ) -> PyResult<terrane::Result<Map<String, Json>>> {
     let mut options = Map::new();

@@ -33,7 +33,7 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use crate::line::{Length, Measure, Threshold, goal_of};
-use crate::operation::{Operation, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{FileOutput, Finite, GridInput, LengthText, Reprojection};
 use crate::outputs::not_member;
 use crate::transform::{Moving, Transformed, extent_of};
@@ -68,7 +68,7 @@ pub struct ContourOptions {
     #[option(alias = "at", value = "LIST", with = Finite, heading = "Levels")]
     pub levels: Vec<f64>,
     /// Height from which the multiples are counted
-    #[option(alias = "offset", value = "HEIGHT", with = Finite, usual = "0", heading = "Levels")]
+    #[option(alias = "offset", value = "HEIGHT", with = Finite, default_text = "0", heading = "Levels")]
     pub base: Option<f64>,
     /// Mark lines at every N-th level from the base in a property "index" (true or false)
     #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), heading = "Levels")]
@@ -86,16 +86,16 @@ pub struct ContourOptions {
     /// Give each vertex the height of its line
     #[option(alias = "3d", heading = "Output")]
     pub with_z: bool,
-    /// What is written.
+    /// The output file.
     #[option(flatten)]
     pub file: FileOutput,
-    /// In which system it is written.
+    /// The coordinate reference system of the output.
     #[option(flatten)]
     pub reprojection: Reprojection,
-    /// What is read.
+    /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
 }
@@ -114,15 +114,10 @@ impl Operation for ContourOptions {
         self.format(output).map(drop)
     }
 
-    fn run(
-        &self,
-        inputs: &Inputs,
-        output: &Path,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<ContourReport> {
-        let (input, output) = (inputs.clone(), output.to_path_buf());
-        run(&ContourJob { input, output, options: self.clone() }, progress, cancel)
+    fn run(&self, request: Request<'_>) -> Result<ContourReport> {
+        let (input, output) = (request.inputs.clone(), request.output.to_path_buf());
+        let job = ContourJob { input, output, options: self.clone() };
+        run(&job, request.progress, request.cancel)
     }
 }
 

@@ -1,4 +1,4 @@
-//! What is said of lines that are to be simpler.
+//! Options of line simplification.
 
 use std::path::{Path, PathBuf};
 
@@ -6,14 +6,13 @@ use serde_json::Value as Json;
 use terrane_options::{Choice, Codec, Kind, Named, Options, Range, Rule};
 
 use super::{Goal, Length, LineJob, LineReport, Topology, method, run};
-use crate::operation::{Operation, Reads, Writes};
+use crate::Resources;
+use crate::operation::{Operation, Reads, Request, Writes};
 use crate::options::{FeatureInput, FileName, FileOutput, FileSize, LengthText, Reprojection};
-use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_files::path_of;
 use terrane_line::topology::{Collapse, Strategy};
 use terrane_line::{METHODS, Method};
-use terrane_raster::Inputs;
 
 /// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
 ///
@@ -39,7 +38,7 @@ pub struct LineOptions {
     #[option(value = "SIZE", with = FileSize, heading = "How much")]
     pub target_size: Option<u64>,
     /// How vertices are chosen
-    #[option(value = "NAME", with = MethodName, usual = "cone; rdp with ‹hierarchy›", heading = "Method")]
+    #[option(value = "NAME", with = MethodName, default_text = "cone; rdp with ‹hierarchy›", heading = "Method")]
     pub method: Option<String>,
     /// File of all splits of rdp, with the distance at which each is made: made where it is not there, and asked instead of
     /// the method where it is, for any tolerance, share, number or size
@@ -55,7 +54,7 @@ pub struct LineOptions {
     #[option(heading = "Neighbours")]
     pub topology: bool,
     /// When crossings are looked for
-    #[option(value = "WHEN", usual = "retroactive", heading = "Neighbours")]
+    #[option(value = "WHEN", default_text = "retroactive", heading = "Neighbours")]
     pub strategy: Option<Strategy>,
     /// Make vertices one that are no farther apart than this, in units of the data
     #[option(value = "DISTANCE", range = Range::POSITIVE, heading = "Neighbours")]
@@ -65,18 +64,18 @@ pub struct LineOptions {
     pub sides: Option<PathBuf>,
     /// Digits behind the point that positions are rounded to; with ‹topology› vertices keep theirs where lines would touch,
     /// cross or change sides
-    #[option(value = "N", range = Range::new(0.0, 17.0), usual = "as they are", heading = "Output")]
+    #[option(value = "N", range = Range::new(0.0, 17.0), default_text = "as they are", heading = "Output")]
     pub decimals: Option<u8>,
-    /// What is written.
+    /// The output file.
     #[option(flatten)]
     pub file: FileOutput,
-    /// In which system it is written.
+    /// The coordinate reference system of the output.
     #[option(flatten)]
     pub reprojection: Reprojection,
-    /// What is read.
+    /// How features are read.
     #[option(flatten)]
     pub features: FeatureInput,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
 }
@@ -181,13 +180,8 @@ impl Operation for LineOptions {
         self.job(&[], output)?.check()
     }
 
-    fn run(
-        &self,
-        inputs: &Inputs,
-        output: &Path,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<LineReport> {
-        run(&self.job(inputs.names(), output)?, progress, cancel)
+    fn run(&self, request: Request<'_>) -> Result<LineReport> {
+        let job = self.job(request.inputs.names(), request.output)?;
+        run(&job, request.progress, request.cancel)
     }
 }

@@ -8,9 +8,8 @@ use terrane_options::{Options, Range, Rule};
 
 use super::{Asked, DerivativeOptions, run};
 use crate::convert::ConvertReport;
-use crate::operation::{Operation, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::Finite;
-use crate::{Cancel, Progress};
 use terrane_base::error::Result;
 use terrane_raster::Inputs;
 use terrane_relief::{self as kernels, Gradient, Kind, Light, Measure};
@@ -27,17 +26,11 @@ macro_rules! derivative {
                 self.common.copy(&Inputs::default(), output).options.check(output)
             }
 
-            fn run(
-                &self,
-                inputs: &Inputs,
-                output: &Path,
-                progress: &dyn Progress,
-                cancel: &Cancel,
-            ) -> Result<ConvertReport> {
+            fn run(&self, request: Request<'_>) -> Result<ConvertReport> {
                 let $own = self;
                 let asked =
                     Asked { derivative: Arc::new($kernel), scale: $scale, common: &self.common };
-                run(&asked, inputs, output, progress, cancel)
+                run(&asked, request)
             }
         }
     };
@@ -56,9 +49,9 @@ pub struct SlopeOptions {
     pub percent: bool,
     /// Units of heights in a unit of x and y
     #[option(value = "S", range = Range::POSITIVE,
-             usual = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
-    /// What all derivatives have.
+    /// Options of all derivatives.
     #[option(flatten)]
     pub common: DerivativeOptions,
 }
@@ -84,9 +77,9 @@ pub struct AspectOptions {
     pub zero_for_flat: bool,
     /// Units of heights in a unit of x and y
     #[option(value = "S", range = Range::POSITIVE,
-             usual = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
-    /// What all derivatives have.
+    /// Options of all derivatives.
     #[option(flatten)]
     pub common: DerivativeOptions,
 }
@@ -108,7 +101,7 @@ pub struct HillshadeOptions {
     #[option(value = "NAME")]
     pub algorithm: Gradient,
     /// Direction of the light, in degrees clockwise from north
-    #[option(value = "DEG", with = Finite, usual = "315")]
+    #[option(value = "DEG", with = Finite, default_text = "315")]
     pub azimuth: Option<f64>,
     /// Height of the light above the horizon, in degrees
     #[option(value = "DEG", default = 45.0, range = Range::new(1.0, 90.0))]
@@ -123,9 +116,9 @@ pub struct HillshadeOptions {
     pub combined: bool,
     /// Units of heights in a unit of x and y
     #[option(value = "S", range = Range::POSITIVE,
-             usual = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
-    /// What all derivatives have.
+    /// Options of all derivatives.
     #[option(flatten)]
     pub common: DerivativeOptions,
 }
@@ -159,9 +152,9 @@ pub struct CurvatureOptions {
     pub kind: Kind,
     /// Units of heights in a unit of x and y
     #[option(value = "S", range = Range::POSITIVE,
-             usual = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
-    /// What all derivatives have.
+    /// Options of all derivatives.
     #[option(flatten)]
     pub common: DerivativeOptions,
 }
@@ -174,7 +167,7 @@ derivative!(CurvatureOptions, "curvature", |own| own.scale, kernels::Curvature(o
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 pub struct RoughnessOptions {
-    /// What all derivatives have.
+    /// Options of all derivatives.
     #[option(flatten)]
     pub common: DerivativeOptions,
 }
@@ -187,7 +180,7 @@ derivative!(RoughnessOptions, "roughness", |_own| None, kernels::Roughness);
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 pub struct TpiOptions {
-    /// What all derivatives have.
+    /// Options of all derivatives.
     #[option(flatten)]
     pub common: DerivativeOptions,
 }
@@ -202,7 +195,7 @@ derivative!(TpiOptions, "tpi", |_own| None, kernels::Position);
 pub struct TriOptions {
     /// The mean of the absolute differences (Wilson et al. 2007), not the root of the sum of squares (Riley et al. 1999)
     pub wilson: bool,
-    /// What all derivatives have.
+    /// Options of all derivatives.
     #[option(flatten)]
     pub common: DerivativeOptions,
 }

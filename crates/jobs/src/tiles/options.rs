@@ -1,22 +1,21 @@
-//! What is said of tiles that are to be made.
+//! Options of tile sets.
 
 use std::path::Path;
 
 use terrane_options::{Options, Range, check};
 
 use super::{Beyond, Format, TilesJob, TilesReport, run};
-use crate::operation::{Operation, Writes};
+use crate::Resources;
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{FileName, GridInput};
-use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
-use terrane_raster::Inputs;
 
 /// What tiles hold
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Tiles")]
 pub struct TileOptions {
     /// What to write; of several, a folder for each inside of the output
-    #[option(short = 'f', value = "FORMAT", default = vec![Format::QuantizedMesh], usual = "quantized-mesh")]
+    #[option(short = 'f', value = "FORMAT", default = vec![Format::QuantizedMesh], default_text = "quantized-mesh")]
     pub format: Vec<Format>,
     /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges, an extension that is not final), which CesiumJS needs
     /// to take them for its terrain
@@ -29,7 +28,7 @@ pub struct TileOptions {
     pub skirts: bool,
     /// The deepest level
     #[option(value = "LEVEL", range = Range::new(0.0, 20.0),
-             usual = "the first whose tiles have at most 64 samples along a side")]
+             default_text = "the first whose tiles have at most 64 samples along a side")]
     pub max_level: Option<u8>,
     /// The ground between the edge of the grid and the sides of the tiles that hold it
     #[option(value = "GROUND")]
@@ -94,10 +93,10 @@ pub struct TilesOptions {
     /// Replace a folder of tiles that exists
     #[option(role = Run)]
     pub overwrite: bool,
-    /// What is read.
+    /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
 }
@@ -111,19 +110,13 @@ impl Operation for TilesOptions {
         Ok(())
     }
 
-    fn run(
-        &self,
-        inputs: &Inputs,
-        output: &Path,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<TilesReport> {
+    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
         let job = self.tiles.job(TilesJob {
             reading: self.grid.clone(),
             overwrite: self.overwrite,
             resources: self.resources.clone(),
-            ..TilesJob::new(inputs.clone(), output)
+            ..TilesJob::new(request.inputs.clone(), request.output)
         })?;
-        run(&job, progress, cancel)
+        run(&job, request.progress, request.cancel)
     }
 }

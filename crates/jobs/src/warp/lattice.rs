@@ -21,10 +21,10 @@ use terrane_raster::{GridInfo, Inputs, OpenOptions};
 #[options(heading = "Lattice", setters = group)]
 pub struct LatticeOptions {
     /// Side of a cell of the output, or its width and height, in units of its system; edges lie at multiples of it
-    #[option(value = "X[,Y]", with = CellSize, usual = "as large as in the middle of the input")]
+    #[option(value = "X[,Y]", with = CellSize, default_text = "as large as in the middle of the input")]
     pub resolution: Option<[f64; 2]>,
     /// Rectangle that the output covers, in its system
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds, usual = "all of the input")]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds, default_text = "all of the input")]
     pub extent: Option<[f64; 4]>,
     /// Grid whose lattice the output is to have: sample on sample
     #[option(value = "GRID", with = FileName, role = ReadsGrid)]

@@ -137,11 +137,11 @@ def documentation(name: str) -> str:
     """What an operation is for, what its options are, and an example."""
     table = tables()[name]
     lines = [table["about"], "", "Parameters", "----------"]
-    rows = [(option["name"], option["about"], option["usual"]) for option in table["options"]]
+    rows = [(option["name"], option["about"], option["default_text"]) for option in table["options"]]
     own = {parameter.name for parameter in parameters(name)}
     rows += [(key, about, None) for key, about in OF_SOURCE.items() if key in own]
-    for key, about, usual in rows:
-        text = about if usual is None else f"{about} (default: {usual})"
+    for key, about, default in rows:
+        text = about if default is None else f"{about} (default: {default})"
         lines += [key, textwrap.indent(textwrap.fill(text, 110), "    ")]
     return "\n".join([*lines, "", textwrap.dedent(EXAMPLES.get(name, "")), ""])
 
