@@ -93,7 +93,8 @@ impl Door {
 }
 
 /// Members of reports that are said to people.
-const TOLD: [&str; 7] = ["notes", "not_judged", "failures", "reason", "remedy", "about", "usual"];
+const TOLD: [&str; 7] =
+    ["notes", "not_judged", "failures", "reason", "remedy", "about", "default_text"];
 
 /// Where the value of a member begins.
 fn value_of(json: &str, key: &str) -> Option<usize> {
