@@ -1,7 +1,7 @@
 //! Triangles above each other: clients that decode earth-centred coordinates put vertices on a lattice, and where these
 //! are nearer to each other than its steps a triangle may be turned over. A sample there has several distances.
 
-use crate::globe::{EQUATOR, Upright, Vector};
+use crate::globe::{EQUATOR, Frame, Upright};
 use crate::measure::Facet;
 use crate::tiling::{STEPS, TileId, degrees};
 
@@ -16,18 +16,18 @@ pub(crate) struct Folds {
 
 impl Facet {
     /// Whether the line upright at a point meets it, from above or from below.
-    pub(crate) fn is_met(&self, up: Vector, point: Vector) -> bool {
-        let [a, b, c] = self.corners.map(|corner| corner - point);
-        let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.dot(up));
+    pub(crate) fn is_met(&self, frame: &Frame) -> bool {
+        let sides = self.seen_from(frame).parts;
         let is_over =
             sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0);
         is_over && sides.iter().sum::<f64>() != 0.0
     }
 
     /// How far a sample is from it, where it is no plane: no further than from one of its corners.
-    pub(crate) fn within(&self, up: Vector, point: Vector, doubt: f64) -> f64 {
-        let corners = self.corners.iter().map(|corner| (*corner - point).dot(up).abs());
-        self.off(up, point, doubt).min(corners.fold(0.0, f64::max) + doubt)
+    pub(crate) fn within(&self, frame: &Frame, doubt: f64) -> f64 {
+        let seen = self.seen_from(frame);
+        let highest = seen.corners.iter().fold(0.0_f64, |most, corner| most.max(corner[2].abs()));
+        seen.off(doubt).min(highest + doubt)
     }
 
     fn is_turned_over(&self, id: TileId, at: [[i32; 2]; 3]) -> bool {

@@ -148,6 +148,34 @@ impl Upright {
     }
 }
 
+/// A sample, and the directions to the east, to the north and up from there. What is near it is seen without the
+/// rounding of coordinates that count from the centre of the earth.
+pub(crate) struct Frame {
+    at: Vector,
+    /// The first two have the cosine of the latitude for their length, so that no root is taken for each sample.
+    axes: [Vector; 3],
+    /// The square of that.
+    pub(crate) square: f64,
+}
+
+impl Frame {
+    /// At so many metres above the ellipsoid.
+    #[inline]
+    pub(crate) fn new(upright: &Upright, height: f64) -> Self {
+        let up = upright.normal;
+        let [x, y, _] = up.0;
+        let east = Vector([-y, x, 0.0]);
+        Self { at: upright.point(height), axes: [east, up.cross(east), up], square: x * x + y * y }
+    }
+
+    /// Where a place is: to the east and to the north in metres times the cosine of the latitude, and metres up.
+    #[inline]
+    pub(crate) fn look(&self, place: Vector) -> [f64; 3] {
+        let from = place - self.at;
+        self.axes.map(|axis| axis.dot(from))
+    }
+}
+
 /// Metres from the ellipsoid to the axis of the earth at a latitude, along what is upright there.
 #[inline]
 pub(crate) fn bend(lat: Turn) -> f64 {

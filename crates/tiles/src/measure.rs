@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::fold::Folds;
-use crate::globe::{POLE, Turn, Vector, beneath};
+use crate::globe::{Frame, POLE, Turn, Vector, beneath};
 use crate::ground::Sample;
 use crate::level::Level;
 use crate::run::{Column, Parallel, Row, Run};
@@ -44,24 +44,54 @@ pub(crate) struct Facet {
     pub(crate) corners: [Vector; 3],
     /// At right angles to it; its length is twice the area.
     pub(crate) across: Vector,
+    area: f64,
     twins: [u32; 3],
 }
 
 impl Facet {
-    /// How far a sample, whose place may be off by so many metres, is from its plane, along what is upright there.
-    pub(crate) fn off(&self, up: Vector, point: Vector, doubt: f64) -> f64 {
-        let Self { corners, across, .. } = self;
-        (across.dot(corners[0] - point).abs() + across.length() * doubt) / across.dot(up).abs()
+    /// As it is seen from a sample.
+    #[inline]
+    pub(crate) fn seen_from(&self, frame: &Frame) -> Seen {
+        let corners = self.corners.map(|corner| frame.look(corner));
+        let part = |k: usize| {
+            let ([ax, ay, _], [bx, by, _]) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
+            ax * by - ay * bx
+        };
+        Seen { corners, parts: [part(0), part(1), part(2)], square: frame.square, area: self.area }
+    }
+}
+
+/// A triangle as it is seen from a sample.
+pub(crate) struct Seen {
+    /// As [`Frame::look`] has them.
+    pub(crate) corners: [[f64; 3]; 3],
+    /// Twice the areas between the sample and the side across from each corner, from above, times `square`.
+    pub(crate) parts: [f64; 3],
+    square: f64,
+    /// Twice the area of the triangle.
+    area: f64,
+}
+
+impl Seen {
+    /// How far the sample is from the plane, along what is upright there, and metres up the plane for one along it.
+    fn plane(&self) -> [f64; 2] {
+        let ([a, b, c], [ab, bc, ca]) =
+            (self.corners, [self.parts[2], self.parts[0], self.parts[1]]);
+        let flat = (ab + bc + ca).abs();
+        [(bc * a[2] + ca * b[2] + ab * c[2]).abs() / flat, self.area * self.square / flat]
     }
 
-    /// The triangles beyond sides that a sample is nearer to than its place may be off by.
-    fn beside(&self, up: Vector, point: Vector, doubt: f64) -> impl Iterator<Item = u32> + use<> {
-        let Self { corners, twins, .. } = *self;
-        let is_near = move |k: &usize| {
-            let [a, b] = [corners[(k + 1) % 3] - point, corners[(k + 2) % 3] - point];
-            up.dot(a.cross(b)).abs() <= (b - a).cross(up).length() * doubt
-        };
-        (0..3).filter(is_near).map(move |k| twins[k]).filter(|twin| *twin != NONE)
+    /// How far the sample, whose place may be off by so many metres, is from the plane.
+    pub(crate) fn off(&self, doubt: f64) -> f64 {
+        let [off, steep] = self.plane();
+        off + steep * doubt
+    }
+
+    /// Whether the sample is nearer to the side across from a corner than its place may be off by.
+    fn is_beside(&self, corner: usize, doubt: f64) -> bool {
+        let [[ax, ay, _], [bx, by, _]] = [1, 2].map(|k| self.corners[(corner + k) % 3]);
+        let [x, y] = [bx - ax, by - ay];
+        self.parts[corner].powi(2) <= (x * x + y * y) * self.square * doubt * doubt
     }
 }
 
@@ -152,7 +182,7 @@ impl Shell {
         let facet = |(corners, twins): &([u32; 3], [u32; 3])| {
             let corners = corners.map(|corner| points[corner as usize]);
             let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            Facet { corners, across, twins: *twins }
+            Facet { corners, across, area: across.length(), twins: *twins }
         };
         let facets: Vec<Facet> = triangles.iter().map(facet).collect();
         let inner = (0..).zip(&triangles).zip(&is_flat).filter(|(_, is_flat)| !**is_flat);
@@ -167,27 +197,28 @@ impl Shell {
 
     /// Measures a sample, and notes it where it is further off than the tolerance.
     pub fn add(&mut self, sample: Sample, tolerance: f64) {
-        let point = sample.upright.point(sample.height);
-        let facet = self.facet(&sample, point);
+        let frame = Frame::new(&sample.upright, sample.height);
+        let (facet, seen) = self.facet(&sample, &frame);
         let off = match sample.place[1].abs() == 90.0 {
             true => self.off_pole(&sample),
             false => {
-                let (up, here) = (sample.upright.normal, &self.facets[facet as usize]);
+                let here = &self.facets[facet as usize];
                 match &self.folds {
                     // On a side it is as far from both triangles: a wall on one of them says nothing.
                     None => {
-                        let off = |facet: &Facet| facet.off(up, point, self.doubt);
-                        let beside = here.beside(up, point, self.doubt);
+                        let twins = (0..3).zip(here.twins).filter(|(_, twin)| *twin != NONE);
+                        let beside =
+                            twins.filter(|(corner, _)| seen.is_beside(*corner, self.doubt));
                         beside
-                            .map(|twin| off(&self.facets[twin as usize]))
-                            .fold(off(here), f64::min)
+                            .map(|(_, twin)| self.facets[twin as usize].seen_from(&frame))
+                            .fold(seen.off(self.doubt), |off, twin| off.min(twin.off(self.doubt)))
                     }
                     Some(folds) => {
                         let near = folds.near(self.id.steps(sample.place)).iter();
                         let near = near.map(|number| &self.facets[*number as usize]);
-                        let met = near.filter(|facet| facet.is_met(up, point));
-                        let most = met.map(|facet| facet.within(up, point, self.doubt));
-                        most.reduce(f64::max).unwrap_or_else(|| here.within(up, point, self.doubt))
+                        let met = near.filter(|facet| facet.is_met(&frame));
+                        let most = met.map(|facet| facet.within(&frame, self.doubt));
+                        most.reduce(f64::max).unwrap_or_else(|| here.within(&frame, self.doubt))
                     }
                 }
             }
@@ -275,21 +306,21 @@ impl Shell {
     /// The largest vertical distance of any corner from the plane of any triangle that reaches below a block, and how
     /// far up one of them goes along a step in any direction; `None` where there are many.
     fn furthest(&mut self, corners: &[Sample; 4], points: &[Vector; 4]) -> Option<(f64, f64)> {
-        let first = self.facet(&corners[0], points[0]);
+        let frames = corners.each_ref().map(|corner| Frame::new(&corner.upright, corner.height));
+        let (first, _) = self.facet(&corners[0], &frames[0]);
         let [east, north] = corners[0].upright.across();
         let flat = |point: Vector| [(point - points[0]).dot(east), (point - points[0]).dot(north)];
         let quad = points.map(flat);
         let (mut open, mut seen) = (vec![first], vec![first]);
         let (mut most, mut steep) = (0.0_f64, 1.0_f64);
         while let Some(facet) = open.pop() {
-            let Facet { corners: ends, across, twins } = &self.facets[facet as usize];
+            let facet = &self.facets[facet as usize];
+            let Facet { corners: ends, twins, .. } = facet;
             if !meets(ends.map(flat), &quad) {
                 continue;
             }
-            for (corner, point) in corners.iter().zip(points) {
-                let up = corner.upright.normal;
-                most = most.max((across.dot(ends[0] - *point) / across.dot(up)).abs());
-                steep = steep.max((across.length() / across.dot(up)).abs());
+            for [off, slope] in frames.iter().map(|frame| facet.seen_from(frame).plane()) {
+                (most, steep) = (most.max(off), steep.max(slope));
             }
             for twin in twins.iter().filter(|twin| **twin != NONE) {
                 if !seen.contains(twin) {
@@ -314,31 +345,29 @@ impl Shell {
 
     /// The triangle that the line upright at a sample goes through: a walk over the edges that it is beyond; at
     /// the border of the tile it ends.
-    fn facet(&mut self, sample: &Sample, point: Vector) -> u32 {
-        let up = sample.upright.normal;
+    fn facet(&mut self, sample: &Sample, frame: &Frame) -> (u32, Seen) {
         let mut now = self.last;
         let mut steps = 0;
-        'walk: loop {
-            let Facet { corners, twins, .. } = &self.facets[now as usize];
-            let from = corners.map(|corner| corner - point);
-            for k in 0..3 {
-                let [a, b] = [from[(k + 1) % 3], from[(k + 2) % 3]];
-                if up.dot(a.cross(b)) < 0.0 && twins[k] != NONE {
+        let seen = 'walk: loop {
+            let facet = &self.facets[now as usize];
+            let seen = facet.seen_from(frame);
+            for (part, twin) in seen.parts.into_iter().zip(facet.twins) {
+                if part < 0.0 && twin != NONE {
                     steps += 1;
                     if steps == 64 {
                         now = self.start(sample);
                     } else if steps > 64 + self.facets.len() {
-                        break 'walk;
+                        break 'walk seen;
                     } else {
-                        now = twins[k];
+                        now = twin;
                     }
                     continue 'walk;
                 }
             }
-            break;
-        }
+            break seen;
+        };
         self.last = now;
-        now
+        (now, seen)
     }
 
     /// A triangle near a sample.

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::border::Side;
-use crate::globe::EQUATOR;
+use crate::globe::{EQUATOR, Frame};
 use terrane_base::geom::{Affine, Rect};
 
 /// A grid of a second of arc, with noise of so many metres on a slope, and voids.
@@ -82,13 +82,14 @@ impl Land {
 
 /// The distance of a sample from the surface, by all triangles: the nearest hit of the line upright there.
 fn distance(tile: &Tile, sample: &Sample) -> Option<f64> {
-    let (up, point) = (sample.upright.normal, sample.upright.point(sample.height));
+    let frame = Frame::new(&sample.upright, sample.height);
     let hit = |corners: &[u32; 3]| {
-        let [a, b, c] = corners.map(|corner| tile.point(tile.vertices[corner as usize]) - point);
-        let sides = [b.cross(c), c.cross(a), a.cross(b)].map(|side| side.dot(up));
+        let [a, b, c] =
+            corners.map(|corner| frame.look(tile.point(tile.vertices[corner as usize])));
+        let sides = [[b, c], [c, a], [a, b]].map(|[a, b]| a[0] * b[1] - a[1] * b[0]);
         let whole: f64 = sides.iter().sum();
-        let is_in = sides.iter().all(|side| *side >= -1e-9 * whole);
-        let along = (a * sides[0] + b * sides[1] + c * sides[2]).dot(up) / whole;
+        let is_in = sides.iter().all(|side| *side >= -1e-12 * whole);
+        let along = (a[2] * sides[0] + b[2] * sides[1] + c[2] * sides[2]) / whole;
         is_in.then_some(along.abs())
     };
     tile.triangles.iter().filter_map(hit).reduce(f64::max)
