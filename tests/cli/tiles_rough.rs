@@ -118,6 +118,8 @@ fn steep_grounds_are_written_at_the_default_level() {
         ([21, 9], utm, 5.0, 5000.0, 0.3, 491_263_128),
         // Walls 20,000 times as high as they are wide, whose sides are told apart from close by alone.
         ([16, 9], albers, 0.25, 5000.0, 1.0, 2_509_064_490),
+        // Triangles turned over: a sample has several distances, and the level states the largest.
+        ([11, 22], utm, 0.25, 5000.0, 1.0, 572_207_710),
     ] {
         let at = [x, y, cell];
         Rough { size, system, at, relief, share, voids: 0.0, seed }.write(&place);

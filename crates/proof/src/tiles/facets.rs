@@ -12,7 +12,9 @@
 //! A place that is rounded moves a sample up or down a slope. So of each sample it is told by how much it is surely off,
 //! and by how much it may be: that matters where walls are a thousand times as high as they are wide. Factors that are
 //! counted from the centre of the earth do not tell the sides of such walls apart either: a sample on one, or so near a
-//! side that rounding decides, is looked at from itself ([`Frame`]), together with all triangles it may lie in.
+//! side that rounding decides, is looked at from itself ([`Frame`]), together with all triangles it may lie in. Where
+//! positions are rounded to a lattice, triangles may be turned over, and the surface then lies above itself: the furthest
+//! of the triangles that a normal meets counts.
 
 use super::decode::Tile;
 use super::ellipsoid::{A, B, Meridian, Parallel, Vector, cross, dot, length, minus, plus};
@@ -32,6 +34,8 @@ pub const BYTES_PER_VERTEX: usize =
 const ROUNDING: f64 = 32.0 * f64::EPSILON * A;
 /// Cosine of the slope from which on a triangle is a wall.
 const WALL: f64 = 1.0 / 16.0;
+/// The same from which on it may be turned over as seen from some sample.
+const TURNED: f64 = 1e-4;
 
 /// A triangle.
 #[derive(Clone, Debug)]
@@ -54,6 +58,8 @@ struct Facet {
 pub struct Facets {
     facets: Vec<Facet>,
     positions: Vec<Vector>,
+    /// Triangles that may be turned over.
+    turned: Vec<u32>,
     /// The lowest and the highest vertex at the south pole, and at the north pole.
     poles: [Option<[f64; 2]>; 2],
 }
@@ -119,7 +125,10 @@ impl Facets {
             let heights = at.iter().map(|&vertex| positions[vertex as usize][2].abs() - B);
             heights.map(|z| [z; 2]).reduce(|[low, high], [z, _]| [low.min(z), high.max(z)])
         };
-        Self { facets, positions: positions.to_vec(), poles: poles.each_ref().map(heights) }
+        let poles = poles.each_ref().map(heights);
+        let turned = (0..).zip(&facets).filter(|(_, facet)| facet.is_turned(positions));
+        let turned = turned.map(|(number, _)| number).collect();
+        Self { facets, positions: positions.to_vec(), turned, poles }
     }
 
     /// Positions of the vertices of a tile.
@@ -175,7 +184,8 @@ impl Facets {
                 now = self.walk(now, parallel, at);
                 row = self.facets[now as usize].on(parallel);
             }
-            let distance = if row.is_surely_in(at, ROUNDING + rounded) {
+            let is_simple = self.turned.is_empty() && row.is_surely_in(at, ROUNDING + rounded);
+            let distance = if is_simple {
                 let [surface, steep] = row.height(at);
                 Distance::of((surface - height).abs(), steep * rounded)
             } else {
@@ -185,7 +195,12 @@ impl Facets {
                     now = here;
                     row = self.facets[now as usize].on(parallel);
                 }
-                self.near(now, &frame, rounded)
+                let near = self.near(now, &frame, rounded);
+                if self.is_folded(&frame, rounded) {
+                    self.over(near, &frame, rounded)
+                } else {
+                    near
+                }
             };
             if seen.count == 0 {
                 *from = now;
@@ -246,6 +261,29 @@ impl Facets {
         all.unwrap_or_default()
     }
 
+    /// Whether a triangle that is turned over may lie above or below a sample.
+    fn is_folded(&self, frame: &Frame, rounded: f64) -> bool {
+        let turned = self.turned.iter().map(|&number| &self.facets[number as usize]);
+        turned.map(|facet| self.seen_from(frame, facet)).any(|seen| is_met(seen, rounded).is_some())
+    }
+
+    /// How far a sample is from the furthest of all triangles above and below it, where `near` is what it is from those
+    /// that one of them is joined to.
+    fn over(&self, near: Distance, frame: &Frame, rounded: f64) -> Distance {
+        let seen = self.facets.iter().map(|facet| self.seen_from(frame, facet));
+        let met = seen.filter_map(|seen| Some((seen, is_met(seen, rounded)?)));
+        met.fold(near, |all, (seen, is_sure)| {
+            let [height, steep] = plane(seen);
+            let one = Distance::of(height.abs(), steep * rounded);
+            let sure = if is_sure { one } else { Distance::default() };
+            Distance {
+                distance: all.distance.max(sure.distance),
+                surely: all.surely.max(sure.surely),
+                maybe: all.maybe.max(one.maybe),
+            }
+        })
+    }
+
     /// The triangle that the normal meets, or the last one before the border.
     fn walk(&self, from: u32, parallel: &Parallel, at: Meridian) -> u32 {
         let mut now = from;
@@ -302,6 +340,15 @@ impl Facet {
             lengths: [reach(a, b), reach(b, c), reach(c, a)],
             corners,
         }
+    }
+
+    /// Whether it may be turned over, as seen from samples that it lies above or below.
+    fn is_turned(&self, positions: &[Vector]) -> bool {
+        let [x, y, z] = positions[self.corners[0] as usize];
+        // Up, but for what it changes by with the height.
+        let up = [x, y, z * (A / B).powi(2)];
+        let (normal, _) = self.plane;
+        dot(normal, up) <= TURNED * length(up) * length(normal)
     }
 
     /// Nothing is beyond a side without a triangle beside: every normal passes it on the inside.
@@ -412,6 +459,16 @@ impl Frame {
 /// Twice the area of the triangle of the origin and a side, seen from above: above zero where the origin is on its left.
 fn across([ax, ay, _]: Vector, [bx, by, _]: Vector) -> f64 {
     ax * by - ay * bx
+}
+
+/// Whether the origin lies in a triangle as seen from above, whatever way that turns, or within so many metres of it; and
+/// whether it lies in it by as many.
+fn is_met(corners: [Vector; 3], rounded: f64) -> Option<bool> {
+    let sides = [[0, 1], [1, 2], [2, 0]].map(|[from, to]| [corners[from], corners[to]]);
+    let parts = sides.map(|[from, to]| across(from, to));
+    let is_in = parts.iter().all(|part| *part >= 0.0) || parts.iter().all(|part| *part <= 0.0);
+    let is_near = sides.iter().any(|[from, to]| from_side(*from, *to) <= rounded);
+    (is_in || is_near).then_some(is_in && !is_near)
 }
 
 /// How far the origin is from a side, seen from above.
