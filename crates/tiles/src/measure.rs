@@ -65,7 +65,7 @@ impl Facet {
 pub(crate) struct Seen {
     /// As [`Frame::look`] has them.
     pub(crate) corners: [[f64; 3]; 3],
-    /// Twice the areas between the sample and the side across from each corner, from above, times `square`.
+    /// Of each corner, twice the area between the sample and the side across from it, from above, times `square`.
     pub(crate) parts: [f64; 3],
     square: f64,
     /// Twice the area of the triangle.
@@ -75,10 +75,9 @@ pub(crate) struct Seen {
 impl Seen {
     /// How far the sample is from the plane, along what is upright there, and metres up the plane for one along it.
     fn plane(&self) -> [f64; 2] {
-        let ([a, b, c], [ab, bc, ca]) =
-            (self.corners, [self.parts[2], self.parts[0], self.parts[1]]);
-        let flat = (ab + bc + ca).abs();
-        [(bc * a[2] + ca * b[2] + ab * c[2]).abs() / flat, self.area * self.square / flat]
+        let ([a, b, c], [p, q, r]) = (self.corners, self.parts);
+        let flat = (p + q + r).abs();
+        [(p * a[2] + q * b[2] + r * c[2]).abs() / flat, self.area * self.square / flat]
     }
 
     /// How far the sample, whose place may be off by so many metres, is from the plane.

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::border::Side;
-use crate::globe::{EQUATOR, Frame};
+use crate::globe::{EQUATOR, Vector};
 use terrane_base::geom::{Affine, Rect};
 
 /// A grid of a second of arc, with noise of so many metres on a slope, and voids.
@@ -82,10 +82,11 @@ impl Land {
 
 /// The distance of a sample from the surface, by all triangles: the nearest hit of the line upright there.
 fn distance(tile: &Tile, sample: &Sample) -> Option<f64> {
-    let frame = Frame::new(&sample.upright, sample.height);
+    let (point, [east, north]) = (sample.upright.point(sample.height), sample.upright.across());
+    let look =
+        |place: Vector| [east, north, sample.upright.normal].map(|axis| axis.dot(place - point));
     let hit = |corners: &[u32; 3]| {
-        let [a, b, c] =
-            corners.map(|corner| frame.look(tile.point(tile.vertices[corner as usize])));
+        let [a, b, c] = corners.map(|corner| look(tile.point(tile.vertices[corner as usize])));
         let sides = [[b, c], [c, a], [a, b]].map(|[a, b]| a[0] * b[1] - a[1] * b[0]);
         let whole: f64 = sides.iter().sum();
         let is_in = sides.iter().all(|side| *side >= -1e-12 * whole);

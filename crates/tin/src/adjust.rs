@@ -17,7 +17,6 @@
 //! time.
 
 use super::Local;
-use super::drop::LOOK;
 use super::field::{Field, LEVELS};
 use super::greedy::Judge;
 use super::mesh::{Mesh, NONE, State, Tri};
@@ -134,7 +133,7 @@ impl Scratch {
     pub(super) fn sweep(&mut self, judge: &Judge<'_>, mesh: &Mesh, tolerance: f64) -> bool {
         let mut any = false;
         for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
-            if half_edge.is_multiple_of(LOOK) && judge.field.is_stopped() {
+            if judge.field.is_stopped_in(half_edge as usize) {
                 return false;
             }
             let at = judge.field.index(mesh.origin(half_edge));

@@ -10,7 +10,6 @@
 //! the edge ends on that rim, and both triangles beside it are within reach of a patch.
 
 use super::crossing::{Crossing, Crossings};
-use super::greedy::ROUNDS;
 use super::mesh::{Mesh, NONE, State};
 use super::{Local, mesh::Tri};
 
@@ -42,7 +41,7 @@ pub(super) fn insert(
         rounds.look(crossings, mesh);
         let mut is_done = true;
         for i in 0..rounds.over.len() {
-            if i % ROUNDS == ROUNDS - 1 && crossings.is_stopped() {
+            if crossings.is_stopped_in(i) {
                 return;
             }
             is_done &= !rounds.mend(mesh, rounds.over[i]);
@@ -62,7 +61,7 @@ impl Rounds {
         self.fresh.extend(mesh.ids().filter(|&id| is_fresh(&mesh.tris[id as usize])));
         let edges = self.fresh.iter().flat_map(|id| 4 * id..4 * id + 3);
         for (round, half_edge) in edges.enumerate() {
-            if round % ROUNDS == ROUNDS - 1 && crossings.is_stopped() {
+            if crossings.is_stopped_in(round) {
                 break;
             }
             let twin = mesh.twin(half_edge);

@@ -52,6 +52,11 @@ impl<'a> Crossings<'a> {
         self.field.is_stopped()
     }
 
+    /// The same, asked in every thousandth round of a loop.
+    pub(super) fn is_stopped_in(&self, round: usize) -> bool {
+        self.field.is_stopped_in(round)
+    }
+
     /// The crossing of the edge between `a` and `b` that is furthest off, if one is beyond the tolerance.
     /// All samples beside the edge must be valid. The same whichever end comes first; time linear in the
     /// length of the edge.

@@ -22,9 +22,6 @@ use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 /// Stars with more triangles than this are left alone: refilling is cubic in the degree.
 const MAX_DEGREE: usize = 24;
 
-/// Half-edges between two looks at whether to stop.
-pub(super) const LOOK: u32 = 1024;
-
 /// Buffers of the drop pass.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
@@ -50,7 +47,7 @@ pub(super) struct Scratch {
 pub(super) fn drop_redundant(judge: &Judge<'_>, mesh: &mut Mesh, scratch: &mut Scratch) {
     let index = index_in(judge.field);
     for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
-        if half_edge.is_multiple_of(LOOK) && judge.field.is_stopped() {
+        if judge.field.is_stopped_in(half_edge as usize) {
             return;
         }
         let state = mesh.tris[(half_edge >> 2) as usize].state;

@@ -62,6 +62,12 @@ impl Field {
         self.cancel.is_set()
     }
 
+    /// The same, asked in every thousandth round of a loop: a millisecond or so.
+    #[inline]
+    pub(super) fn is_stopped_in(&self, round: usize) -> bool {
+        round.is_multiple_of(1024) && self.is_stopped()
+    }
+
     /// Copies the `width` x `height` samples at (`col`, `row`) of `heights`.
     pub(super) fn load(
         &mut self,

@@ -97,9 +97,6 @@ pub(super) fn fit(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists, str
 /// Buckets of candidates; the last takes all larger errors, and all triangles at the start.
 const BUCKETS: usize = 64;
 
-/// Insertions between two looks at whether to stop: a millisecond or so.
-pub(super) const ROUNDS: usize = 1024;
-
 /// Work lists, kept between tiles.
 #[derive(Debug, Default)]
 pub(super) struct WorkLists {
@@ -147,7 +144,7 @@ fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
         while let Some(bucket) = lists.next_batch() {
             for i in 0..lists.batch.len() {
                 rounds += 1;
-                if rounds.is_multiple_of(ROUNDS) && judge.field.is_stopped() {
+                if judge.field.is_stopped_in(rounds) {
                     return;
                 }
                 let id = lists.batch[i];
@@ -250,7 +247,7 @@ impl WorkLists {
     fn refine(&mut self, judge: &Judge<'_>, mesh: &mut Mesh) -> bool {
         let passed = std::mem::take(&mut self.passed);
         for (round, &(id, level)) in passed.iter().enumerate() {
-            if round % ROUNDS == ROUNDS - 1 && judge.field.is_stopped() {
+            if judge.field.is_stopped_in(round) {
                 return false;
             }
             if mesh.tris[id as usize].state == State::Passed(level) {

@@ -10,7 +10,7 @@
 
 use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::{Judge, ROUNDS};
+use super::greedy::Judge;
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
@@ -308,7 +308,7 @@ fn finish(
     let field = border.field;
     let mut patch = PatchMesh::default();
     for (round, id) in mesh.ids().enumerate() {
-        if round % ROUNDS == ROUNDS - 1 && field.is_stopped() {
+        if field.is_stopped_in(round) {
             return PatchMesh::default();
         }
         let tri = &mesh.tris[id as usize];

@@ -18,7 +18,7 @@ use super::between::{self, Rounds};
 use super::breaklines;
 use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::{Judge, ROUNDS, WorkLists, fit};
+use super::greedy::{Judge, WorkLists, fit};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Fixed, Mesh, NONE, State, next};
 use super::rim::{Rim, Role, Surface, posts};
@@ -305,7 +305,7 @@ fn finish(
     let triangles = Vec::with_capacity(mesh.tris.len());
     let mut result = TileMesh { triangles, ..TileMesh::default() };
     for (round, id) in mesh.ids().enumerate() {
-        if round % ROUNDS == ROUNDS - 1 && field.is_stopped() {
+        if field.is_stopped_in(round) {
             return TileMesh::default();
         }
         let tri = &mesh.tris[id as usize];

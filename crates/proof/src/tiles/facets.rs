@@ -169,7 +169,7 @@ impl Facets {
             let valid = heights.iter().enumerate().filter(|(_, height)| !height.is_nan());
             valid.for_each(|(index, &height)| {
                 let distance = (height - low).abs().max((height - high).abs());
-                seen.add(index, Distance { distance, surely: distance, maybe: distance }, limit);
+                seen.add(index, Distance { distance, lower: distance, upper: distance }, limit);
             });
             return seen;
         }
@@ -236,7 +236,7 @@ impl Facets {
         all.find(|(_, facet)| self.way_out(frame, facet, 0).is_none()).map_or(now, |(at, _)| at)
     }
 
-    /// How far a sample is from a triangle, surely from each that its place may lie in, and maybe from one of them.
+    /// How far a sample is from a triangle; the bounds are those of all triangles joined to it that its place may lie in.
     fn near(&self, facet: u32, frame: &Frame, rounded: f64) -> Distance {
         let mut seen = vec![facet];
         let mut all: Option<Distance> = None;
@@ -247,8 +247,8 @@ impl Facets {
             let [height, steep] = plane(corners);
             let one = Distance::of(height.abs(), steep * rounded);
             all = Some(all.map_or(one, |all| Distance {
-                surely: all.surely.min(one.surely),
-                maybe: all.maybe.max(one.maybe),
+                lower: all.lower.min(one.lower),
+                upper: all.upper.max(one.upper),
                 ..all
             }));
             for (k, &beside) in facet.beside.iter().enumerate().filter(|(_, at)| **at != NONE) {
@@ -278,8 +278,8 @@ impl Facets {
             let sure = if is_sure { one } else { Distance::default() };
             Distance {
                 distance: all.distance.max(sure.distance),
-                surely: all.surely.max(sure.surely),
-                maybe: all.maybe.max(one.maybe),
+                lower: all.lower.max(sure.lower),
+                upper: all.upper.max(one.upper),
             }
         })
     }
@@ -407,11 +407,11 @@ impl Row {
 
 impl Seen {
     fn add(&mut self, index: usize, distance: Distance, limit: f64) {
-        let Distance { distance, surely, maybe } = distance;
+        let Distance { distance, lower, upper } = distance;
         self.count += 1;
-        self.over += u64::from(surely > limit);
-        self.ends[0] = self.ends[0].max(surely);
-        self.ends[1] = self.ends[1].max(maybe);
+        self.over += u64::from(lower > limit);
+        self.ends[0] = self.ends[0].max(lower);
+        self.ends[1] = self.ends[1].max(upper);
         self.squares += distance * distance;
         if self.most.is_none_or(|(most, _)| distance > most) {
             self.most = Some((distance, index));
@@ -419,21 +419,21 @@ impl Seen {
     }
 }
 
-/// Metres that a sample is from the surface: as its place is given, and at the least and at the most, that being rounded.
+/// Metres that a sample is from the surface: as its place is given, and the bounds of that as far as places are rounded.
 #[derive(Clone, Copy, Debug, Default)]
 struct Distance {
     distance: f64,
-    surely: f64,
-    maybe: f64,
+    lower: f64,
+    upper: f64,
 }
 
 impl Distance {
     /// From a triangle, where that changes by so much as far as places are rounded.
     fn of(distance: f64, rounded: f64) -> Self {
         if distance.is_finite() {
-            Self { distance, surely: distance - rounded, maybe: distance + rounded }
+            Self { distance, lower: distance - rounded, upper: distance + rounded }
         } else {
-            Self { distance: f64::INFINITY, surely: f64::INFINITY, maybe: f64::INFINITY }
+            Self { distance: f64::INFINITY, lower: f64::INFINITY, upper: f64::INFINITY }
         }
     }
 }
