@@ -400,3 +400,54 @@ fn count_samples(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Heights;
+
+    const SIDE: u32 = 129;
+
+    /// Told to stop before each stage, that goes on for no more than a thousand rounds.
+    #[test]
+    fn each_stage_asks_whether_to_stop() {
+        let noise = |i: u32| (i.wrapping_mul(0x9e37_79b9) >> 16) as f32;
+        let z: Vec<f32> = (0..SIDE * SIDE).map(noise).collect();
+        let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
+        let input = TileInput::alone(heights);
+        let spec = Spec {
+            tolerance: 1.0,
+            bound: Bound::Samples,
+            strict: false,
+            drop: false,
+            data_dependent: false,
+            fit: false,
+            single_precision: None,
+            min_angle: None,
+            measure: true,
+        };
+        let stopped = Cancel::default();
+        stopped.cancel();
+        // Triangles after inserting, and after what is made of them; each told to stop or not.
+        let made = |stops: [bool; 2]| {
+            let [inserting, finishing] =
+                stops.map(|is| if is { stopped.clone() } else { Cancel::default() });
+            let mut scratch = Scratch::default();
+            scratch.field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+            scratch.mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
+            scratch.stop_by(&inserting);
+            refine(&mut scratch, &spec, &[]);
+            let inserted = scratch.mesh.ids().count();
+            scratch.stop_by(&finishing);
+            [
+                inserted,
+                finish(&mut scratch, &spec, &Surface::new(&input), [true; 4]).triangles.len(),
+            ]
+        };
+        let [inserted, finished] = made([false, false]);
+        assert!(inserted > 20_000 && finished == inserted, "{inserted} {finished}");
+        let [inserted, finished] = made([true, true]);
+        assert!(inserted < 2500 && finished == 0, "{inserted} {finished}");
+        assert_eq!(made([false, true])[1], 0);
+    }
+}
