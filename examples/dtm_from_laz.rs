@@ -2,7 +2,7 @@
 //!
 //! `cargo run --example dtm_from_laz -- survey.laz`; without a file a synthetic survey is used.
 
-use terrane::{Filter, Preset};
+use terrane::{CloudInput, PointFilter};
 
 fn main() -> terrane::Result<()> {
     let synthetic = || "synth:cloud,size=150,density=4,seed=7".to_owned();
@@ -13,10 +13,11 @@ fn main() -> terrane::Result<()> {
 
     let cloud = terrane::open_cloud(input)?;
     println!("{} points", cloud.info().count);
-    let dtm = cloud.grid(1.0).model(Preset::Dtm).write(folder.join("dtm.tif"))?;
+    let dtm = cloud.grid(1.0).dtm(true).write(folder.join("dtm.tif"))?;
     println!("{}: {} x {} cells", dtm.output, dtm.width, dtm.height);
 
-    let ground = cloud.filter(Filter { classes: Some(vec![2]), ..Filter::default() })?;
+    let points = PointFilter { class: vec![2], ..PointFilter::default() };
+    let ground = cloud.read_as(CloudInput { points, ..CloudInput::default() })?;
     let mesh = ground.tin().max_error(0.2).write(folder.join("ground.ply"))?;
     println!("{}: {} vertices of {} points", mesh.output, mesh.vertices, mesh.points.kept);
 

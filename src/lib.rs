@@ -44,7 +44,7 @@
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
 //! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`verify`](Grid::verify) |
 //! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
-//! | point clouds, or points in memory | [`open_cloud`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`verify`](Cloud::verify) |
+//! | point clouds, or points in memory | [`open_cloud`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`points`](Cloud::points), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
 //! | a line in memory | [`simplify`] | fewer vertices |
 //! | a folder with a plan | [`Plan::open`] | what the plan says, by any number of machines |
@@ -79,20 +79,19 @@ pub use facade::*;
 pub use terrane_base::bound::Bound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
-pub use terrane_cloud::{
-    CloudInfo, Condition, Filter, Flags, LasVersion, Marks, PointFormat, Return,
-};
+pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, Marks, PointFormat, Return};
 pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::colours::ColorReliefOptions;
 pub use terrane_jobs::contour::{ContourOptions, ContourReport};
 pub use terrane_jobs::convert::{ConvertOptions, ConvertReport};
 pub use terrane_jobs::figures::Figures;
-pub use terrane_jobs::grid::{Canopy, GridReport, GroundFrom, Preset};
+pub use terrane_jobs::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
 pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
 pub use terrane_jobs::operation::{
-    AnyOperation, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,
+    AnyOperation, Divisible, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,
 };
-pub use terrane_jobs::plan::TaskReport;
+pub use terrane_jobs::options::{CloudInput, PointFilter};
+pub use terrane_jobs::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
 pub use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -100,8 +99,8 @@ pub use terrane_jobs::relief::{
 pub use terrane_jobs::tiles::{Beyond as TilesBeyond, Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::translate::{
-    Above, Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, Reclassify, Sort, Split,
-    Squares, Thin, TranslateReport,
+    Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, PointsOptions, Reclassify,
+    Sort, Thin, TileFormat, TranslateReport,
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, FileAt, Progress, Silent};

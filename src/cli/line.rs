@@ -101,7 +101,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check_files(options, &input, &output, args.report.as_deref())?;
     match into_folder {
         true => check::folder(&output)?,
-        false => check::new_file(&output, options.file.overwrite)?,
+        false => check::new_file(&output, options.file.replacing.overwrite)?,
     }
     let job = LineJob { into_folder, ..options.job(&input, &output)? };
     job.check()?;
@@ -113,7 +113,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.report {
-        report::write(path, options.file.overwrite, &told)?;
+        report::write(path, options.file.replacing.overwrite, &told)?;
     }
     args.show.beside(stdout.is_some()).tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
@@ -131,7 +131,7 @@ fn check_files(
     let outputs: Vec<&Path> = std::iter::once(output).chain(options.hierarchy.as_deref()).collect();
     check::not_among(&[input, &beside].concat(), &outputs)?;
     if let Some(report) = report {
-        check::new_file(report, options.file.overwrite)?;
+        check::new_file(report, options.file.replacing.overwrite)?;
         check::not_among(&beside, &[report])?;
     }
     match options.hierarchy.as_deref().filter(|path| !path.exists()) {

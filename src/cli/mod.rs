@@ -38,10 +38,12 @@ use crate::jobs::Cancel;
 use crate::jobs::colours::ColorReliefOptions;
 use crate::jobs::contour::ContourOptions;
 use crate::jobs::convert::ConvertOptions;
+use crate::jobs::grid::GridOptions;
 use crate::jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use crate::jobs::translate::PointsOptions;
 
 /// All verbs, in the order of the help.
 const VERBS: &[Entry] = &[
@@ -50,8 +52,8 @@ const VERBS: &[Entry] = &[
     Entry::of::<info::Args>(),
     Entry::of::<view::Args>(),
     Entry::of::<operation::Args<ConvertOptions>>(),
-    Entry::of::<grid::Args>(),
-    Entry::of::<points::Args>(),
+    Entry::of::<operation::Args<GridOptions>>(),
+    Entry::of::<operation::Args<PointsOptions>>(),
     Entry::of::<operation::Args<ContourOptions>>(),
     Entry::of::<line::Args>(),
     Entry::of::<tiles::Args>(),

@@ -1,9 +1,11 @@
-//! Verbs that make a file of a grid: `convert`, `contour`, `slope` and others. Each is a struct of options of
+//! Verbs that make a file of a grid or a cloud: `convert`, `grid`, `slope` and others. Each is a struct of options of
 //! `terrane_jobs`, and a line in the list of verbs.
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{Field, Rule, Table, changed, check as check_options, set_texts};
+use terrane_options::{
+    Field, Options, Rule, Table, changed, check as check_options, set_texts, to_map,
+};
 
 use crate::atomic;
 use crate::cli::shared::many::Many;
@@ -13,15 +15,17 @@ use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report
 use crate::cli::synth;
 use crate::door::Door;
 use crate::error::{Error, Result};
-use crate::files::is_made;
+use crate::files::{is_made, path_of};
 use crate::jobs::Resources;
 use crate::jobs::contour::ContourReport;
 use crate::jobs::convert::ConvertReport;
+use crate::jobs::grid::GridReport;
 use crate::jobs::memory::cache_beside;
-use crate::jobs::operation::{Has, Operation, Request, Writes, read_beside};
-use crate::jobs::options::{FileOutput, GridInput};
+use crate::jobs::operation::{Has, Input, Operation, Request, Writes, read_beside};
+use crate::jobs::options::{CloudInput, GridInput, Replacing};
 use crate::jobs::sift::Sifted;
-use crate::raster::{self, OpenOptions};
+use crate::jobs::translate::TranslateReport;
+use crate::{cloud, raster};
 
 /// A report for people.
 pub(super) trait Summary: serde::Serialize {
@@ -40,11 +44,142 @@ impl Summary for ContourReport {
     }
 }
 
+impl Summary for GridReport {
+    fn summary(&self) -> String {
+        super::grid::summary(self)
+    }
+}
+
+impl Summary for TranslateReport {
+    fn summary(&self) -> String {
+        super::points::summary(self)
+    }
+}
+
+/// What is read, as the command line has it.
+pub(super) trait Source: Input + Clone {
+    /// What names stand for, the last of them being the output; and where all are inputs.
+    const NAMES: &'static str;
+    const NAMES_PLANNED: &'static str;
+    /// What stdin has.
+    const STDIN: pipes::Holds<'static>;
+
+    /// How files are opened, to see whether they are good.
+    fn opening(&self, resources: &Resources) -> Result<Opening>;
+
+    /// Fails for what is not read, and when an option was given that cannot act on a file.
+    fn check(&self, name: &str, many: &Many) -> Result<()>;
+
+    /// The lists of what is read.
+    fn lists() -> Vec<String>;
+
+    /// Damage costs what is damaged alone.
+    fn skip_bad(&mut self) {}
+}
+
+/// The files that are taken of inputs, where these cannot be stdin.
+pub(super) fn take<O: Operation<Input: Source>>(
+    options: &mut O,
+    input: Vec<String>,
+    many: &Many,
+) -> Result<Sifted> {
+    let opening = opening(options, many)?;
+    let input = many.find(&input, opening.kind())?;
+    let reading: &O::Input = options.part();
+    input.iter().try_for_each(|name| reading.check(name, many))?;
+    many.sift(input, opening.kind(), options.part())
+}
+
+/// How files are opened; from here on damage is passed over where bad files are skipped.
+fn opening<O: Operation<Input: Source>>(options: &mut O, many: &Many) -> Result<Opening> {
+    if many.skip_bad {
+        Has::<O::Input>::part_mut(options).skip_bad();
+    }
+    Has::<O::Input>::part(options).opening(options.part())
+}
+
+/// How files are opened.
+pub(super) enum Opening {
+    Grids(raster::OpenOptions),
+    Clouds(Box<cloud::OpenOptions>),
+}
+
+impl Opening {
+    pub(super) fn kind(&self) -> many::Kind<'_> {
+        match self {
+            Self::Grids(options) => many::Kind::Grids(options),
+            Self::Clouds(options) => many::Kind::Clouds(options),
+        }
+    }
+}
+
+impl Source for GridInput {
+    const NAMES: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in \
+                                 quotes are one mosaic. The last name is that of the file to write";
+    const NAMES_PLANNED: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in quotes are one mosaic";
+    const STDIN: pipes::Holds<'static> = pipes::Holds::Grid;
+
+    fn opening(&self, resources: &Resources) -> Result<Opening> {
+        let (band, nodata, threads) = (self.band, self.nodata, resources.threads);
+        let (cache_bytes, temp_dir) = (cache_beside(resources.memory), resources.temp_dir.clone());
+        let usual = raster::OpenOptions::default();
+        let options = raster::OpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual };
+        Ok(Opening::Grids(options))
+    }
+
+    /// A mesh has nothing of all this, what is made by rule no bands.
+    fn check(&self, name: &str, many: &Many) -> Result<()> {
+        if many.is_cloud(name)? {
+            return Err(Error::usage("is a point cloud, and a grid is read")
+                .in_file(&path_of(name))
+                .remedy(
+                    "make a grid of it first: terrane grid --dtm, or by tasks terrane plan grid",
+                ));
+        }
+        let given = changed(self);
+        // A synthetic terrain has samples, too.
+        let of_files = ["band", "nodata"].into_iter().find(|name| given.contains_key(*name));
+        match (of_files, given.keys().next()) {
+            (Some(option), _) => args::only_grid_files(&format!("‹{option}›"), name),
+            (None, Some(option)) => args::only_grids(&format!("‹{option}›"), name),
+            (None, None) => Ok(()),
+        }
+    }
+
+    fn lists() -> Vec<String> {
+        vec![lists::grids()]
+    }
+}
+
+impl Source for CloudInput {
+    const NAMES: &'static str = "Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a \
+                                 pattern in quotes are one cloud. The last name is that of the file or folder to write";
+    const NAMES_PLANNED: &'static str = "LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, \
+                                         a list or a pattern in quotes are one cloud";
+    const STDIN: pipes::Holds<'static> = pipes::Holds::Points;
+
+    /// Where points lie is no matter.
+    fn opening(&self, resources: &Resources) -> Result<Opening> {
+        let anywhere = Self { bounds: None, clip: None, ..self.clone() };
+        Ok(Opening::Clouds(Box::new(anywhere.options(resources)?)))
+    }
+
+    fn check(&self, _name: &str, _many: &Many) -> Result<()> {
+        Ok(())
+    }
+
+    fn lists() -> Vec<String> {
+        vec![lists::clouds()]
+    }
+
+    fn skip_bad(&mut self) {
+        self.points.salvage = true;
+    }
+}
+
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args<O: Operation + Has<GridInput> + Has<FileOutput>> {
-    /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
-    /// quotes are one mosaic. The last name is that of the file to write
-    #[arg(required = true, value_names = value_names(O::TABLE), num_args = 1.., value_parser = names::any())]
+pub(super) struct Args<O: Operation<Input: Source> + Has<Replacing>> {
+    #[arg(help = O::Input::NAMES, required = true, value_names = value_names(O::TABLE), num_args = 1.., value_parser = names::any())]
     input: Vec<String>,
     #[arg(skip)]
     output: PathBuf,
@@ -72,7 +207,7 @@ fn positional(table: &'static Table) -> impl Iterator<Item = &'static Field> {
     table.fields().into_iter().filter(|field| field.positional)
 }
 
-impl<O: Operation<Report: Summary> + Has<GridInput> + Has<FileOutput>> Verb for Args<O> {
+impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Args<O> {
     const NAME: &'static str = O::NAME;
 
     fn about() -> Option<String> {
@@ -94,9 +229,10 @@ impl<O: Operation<Report: Summary> + Has<GridInput> + Has<FileOutput>> Verb for 
             Writes::Grid => vec![lists::grids_written(), lists::creation_options()],
             Writes::Colours => vec![lists::creation_options()],
             Writes::Lines => vec![lists::features_written()],
-            Writes::Tiles => Vec::new(),
+            Writes::Tiles | Writes::Points => Vec::new(),
         };
-        [vec![lists::grids()], written, vec![lists::EXIT_CODES.to_owned()]].concat()
+        let own = lists::of_options(O::TABLE).collect();
+        [O::Input::lists(), own, written, vec![lists::EXIT_CODES.to_owned()]].concat()
     }
 
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
@@ -115,41 +251,50 @@ impl<O: Operation<Report: Summary> + Has<GridInput> + Has<FileOutput>> Verb for 
         let mut input = self.input.clone();
         take_positional(&mut options, &mut input)?;
         check_options(&options)?;
-        let (resources, grid) =
-            (Resources::clone(options.part()), GridInput::clone(options.part()));
-        let file = FileOutput::clone(options.part());
-        let open = open_options(&grid, &resources);
-        let grids = many::Kind::Grids(&open);
-        let mut stdin = pipes::Stdin::expect(&mut input, pipes::Holds::Grid, &resources)?;
+        let opening = opening(&mut options, &self.many)?;
+        let reading = O::Input::clone(options.part());
+        let resources = Resources::clone(options.part());
+        let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
         let mut output = self.output.clone();
         let stdout = match O::WRITES {
-            Writes::Lines => pipes::Stdout::take(&mut output, file.format.as_deref(), &resources)?,
-            Writes::Grid | Writes::Colours | Writes::Tiles => {
-                atomic::refuse_stdout(&output).map(|()| None)?
+            Writes::Lines => {
+                let format = named(&options, "format");
+                pipes::Stdout::take(&mut output, format.as_deref(), &resources)?
             }
+            _ => atomic::refuse_stdout(&output).map(|()| None)?,
         };
-        input = self.many.find(&input, grids)?;
-        input.iter().try_for_each(|name| check_input(&grid, name))?;
+        input = self.many.find(&input, opening.kind())?;
+        input.iter().try_for_each(|name| reading.check(name, &self.many))?;
         options.check(&output)?;
-        self.check_files(&options, &input, &output, file.overwrite)?;
+        self.check_files(&options, &input, &output)?;
         stdin.gather(&mut input, call.cancel)?;
-        let Sifted { names, skipped } = self.many.sift(input, grids, &resources)?;
+        let Sifted { names, skipped } = self.many.sift(input, opening.kind(), &resources)?;
         let are_made = names.iter().all(|name| is_made(name));
         let inputs = stdin.inputs(names);
         let (progress, cancel) = (self.show.progress(), call.cancel);
-        let request =
-            Request { inputs: &inputs, output: &output, progress: progress.as_ref(), cancel };
+        let (progress, skipped) = (progress.as_ref(), skipped.as_slice());
+        let request = Request { inputs: &inputs, output: &output, skipped, progress, cancel };
         let made = options
             .run(request)
             .map_err(|error| if are_made { synth::size(error) } else { error })?;
         stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
-        let told = report::WithSkipped { report: &made, skipped: &skipped };
+        let told = report::WithSkipped { report: &made, skipped };
         if let Some(path) = &self.report {
-            report::write(path, file.overwrite, &told)?;
+            report::write(path, is_replacing(&options), &told)?;
         }
         self.show.beside(stdout.is_some()).tell(&told, || made.summary())?;
         Ok(Outcome::Kept)
     }
+}
+
+/// Whether what exists is replaced.
+fn is_replacing(options: &impl Has<Replacing>) -> bool {
+    options.part().overwrite
+}
+
+/// The text of an option, where it has that option and it is given.
+fn named(options: &impl Options, name: &str) -> Option<String> {
+    to_map(options).get(name).and_then(|value| value.as_str()).map(str::to_owned)
 }
 
 /// Takes options that are names off the end of the inputs.
@@ -181,39 +326,20 @@ pub(super) fn needed(table: &'static Table) -> String {
     })
 }
 
-/// How each file of a grid is opened.
-fn open_options(grid: &GridInput, resources: &Resources) -> OpenOptions {
-    let (band, nodata, threads) = (grid.band, grid.nodata, resources.threads);
-    let (cache_bytes, temp_dir) = (cache_beside(resources.memory), resources.temp_dir.clone());
-    OpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..OpenOptions::default() }
-}
-
-/// Fails when an option was given that cannot act on `input`: it is a mesh or made by rule.
-fn check_input(grid: &GridInput, input: &str) -> Result<()> {
-    let given = changed(grid);
-    // A synthetic terrain has samples, too.
-    let of_files = ["band", "nodata"].into_iter().find(|name| given.contains_key(*name));
-    match (of_files, given.keys().next()) {
-        (Some(name), _) => args::only_grid_files(&format!("‹{name}›"), input),
-        (None, Some(name)) => args::only_grids(&format!("‹{name}›"), input),
-        (None, None) => Ok(()),
-    }
-}
-
-impl<O: Operation + Has<GridInput> + Has<FileOutput>> Args<O> {
+impl<O: Operation<Input: Source> + Has<Replacing>> Args<O> {
     /// Fails when a file to read is not there, or one to write is taken.
-    fn check_files(
-        &self,
-        options: &O,
-        input: &[String],
-        output: &Path,
-        overwrite: bool,
-    ) -> Result<()> {
+    fn check_files(&self, options: &O, input: &[String], output: &Path) -> Result<()> {
+        let overwrite = is_replacing(options);
         let beside = read_beside(options)?;
         check::beside(&beside)?;
-        let files = [raster::files(input)?, beside].concat();
-        check::not_among(&files, &[output])?;
-        check::new_file(output, overwrite)?;
-        check::report(self.report.as_deref(), &files, &[output], overwrite)
+        let files = [O::Input::files(input)?, beside].concat();
+        let workdir = named(options, "workdir").map(PathBuf::from);
+        let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
+        check::not_among(&files, &outputs)?;
+        match options.is_folder() {
+            true => check::folder(output)?,
+            false => check::new_file(output, overwrite)?,
+        }
+        check::report(self.report.as_deref(), &files, &outputs, overwrite)
     }
 }

@@ -80,7 +80,7 @@ fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::new_file(&args.output, args.overwrite)?;
     let job = ConvertJob::new(name, &args.output).with(|options| {
         options.file.format = Some("store".to_owned());
-        options.file.overwrite = args.overwrite;
+        options.file.replacing.overwrite = args.overwrite;
         options.resources = args.machine.resources();
     });
     let made = convert::run(&job, args.show.progress().as_ref(), cancel);

@@ -129,17 +129,18 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Tiles of a model of the ground.
 fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    args.grid.refuse(&args.input[0], "a point cloud")?;
+    args.grid.refuse_cloud(&args.input[0])?;
     args.disk.check_workdir(args.workdir.as_deref())?;
     atomic::refuse_stdout(&args.output)?;
     let resources = args.machine.resources();
-    let options = args.points.open_options(&resources)?;
+    let options = args.points.open_options(&args.grid, &resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let results: Vec<&Path> =
         std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
     let beside = args.wanted.water.iter().chain(&args.wanted.tiles.0.geoid).cloned().collect();
-    let read = [cloud::files(&names)?, args.points.files()?, beside].concat();
+    let read =
+        [cloud::files(&names)?, args.grid.clip.clone().into_iter().collect(), beside].concat();
     check::not_among(&read, &results)?;
     let job = args.wanted.tiles.0.job(TilesJob {
         reading: args.grid.reading(args.wanted.water.as_ref()),

@@ -3,25 +3,28 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::plan::Plan;
-use super::points::PointsBuilder;
 use super::run::{Run, output_settings, run_settings};
 use super::tiles::TilesBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Crs;
 use terrane_base::{Error, Result};
-use terrane_cloud::{self as cloud, CloudInfo, Filter, HeldCloud, Marks, OpenOptions};
+use terrane_cloud::{self as cloud, CloudInfo, HeldCloud, Marks, OpenOptions};
 use terrane_files::name_of;
-use terrane_gridding::parse_list;
 use terrane_jobs::cloud_tin::plan::{PlanCloudTinJob, plan_cloud_tin};
 use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
-use terrane_jobs::grid::plan::{PlanGridJob, plan_grid};
-use terrane_jobs::grid::{self, Canopy, GridJob, GridReport, GroundFrom, Placement, Preset};
+use terrane_jobs::grid::GridOptions;
+use terrane_jobs::operation::{AnyOperation, Call, Job, Operation, Request};
+use terrane_jobs::options::CloudInput;
+use terrane_jobs::plan::AnyPlan as Plan;
+use terrane_jobs::translate::PointsOptions;
+use terrane_jobs::{Cancel, Progress, Resources};
+use terrane_options::changed;
 use terrane_raster::Inputs;
 
 /// A point cloud, in one file or many: what [`open_cloud`] opens. Nothing of it is held.
 pub struct Cloud {
     pub(super) inputs: Vec<String>,
+    pub(super) reading: CloudInput,
     pub(super) options: OpenOptions,
     info: CloudInfo,
     /// Gives up what is in memory, once the last one of it is gone.
@@ -39,13 +42,13 @@ pub struct Cloud {
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("dtm.tif");
 /// let cloud = terrane::open_cloud("synth:cloud,size=100,density=2,seed=7")?;
-/// let report = cloud.grid(1.0).stats("mean,count").write(&path)?;
+/// let report = cloud.grid(1.0).stat("mean,count").write(&path)?;
 /// assert_eq!(report.bands.len(), 2);
 /// # Ok(())
 /// # }
 /// ```
 pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
-    Cloud::open(input.into().names().to_vec(), OpenOptions::default())
+    Cloud::open(input.into().names().to_vec(), CloudInput::default())
 }
 
 /// Takes points in memory, x, y and z, for a cloud that jobs read as they read those in files; with what is known
@@ -61,62 +64,80 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
 /// # let path = folder.path().join("count.tif");
 /// let points: Vec<[f64; 3]> = (0..5000).map(|i| [i as f64 % 71.0, i as f64 / 71.0, 0.25 * i as f64]).collect();
 /// let cloud = terrane::open_points(&points, None, terrane::Crs::default())?;
-/// let report = cloud.grid(10.0).stats("count,mean").write(&path)?;
+/// let report = cloud.grid(10.0).stat("count,mean").write(&path)?;
 /// assert_eq!(report.points.kept, 5000);
 /// # Ok(())
 /// # }
 /// ```
 pub fn open_points(positions: &[[f64; 3]], marks: Option<&[Marks]>, crs: Crs) -> Result<Cloud> {
     let held = HeldCloud::new(positions, marks, crs)?;
-    let cloud = Cloud::open(vec![held.name().to_owned()], OpenOptions::default())?;
+    let cloud = Cloud::open(vec![held.name().to_owned()], CloudInput::default())?;
     Ok(Cloud { held: Some(Arc::new(held)), ..cloud })
 }
 
 impl Cloud {
-    fn open(inputs: Vec<String>, options: OpenOptions) -> Result<Self> {
+    fn open(inputs: Vec<String>, reading: CloudInput) -> Result<Self> {
+        let options = reading.options(&Resources::default())?;
         // What a job cannot work on, it says.
         let any = OpenOptions { any_extent: true, ..options.clone() };
         let info = cloud::source(&inputs, &any)?.info().clone();
-        Ok(Self { inputs, options, info, held: None })
+        Ok(Self { inputs, reading, options, info, held: None })
     }
 
-    /// The same, read otherwise.
-    fn read_as(self, options: OpenOptions) -> Result<Self> {
-        let Self { inputs, held, .. } = self;
-        Ok(Self { held, ..Self::open(inputs, options)? })
-    }
-
-    /// The same cloud, only the points that pass `filter`.
+    /// The same cloud, read otherwise: the points within bounds or polygons, of some classes, of which a condition is true,
+    /// and more, instead of what was said before.
     ///
     /// # Errors
-    /// As [`open_cloud`]; a cloud that has a filter already.
+    /// As [`open_cloud`]; polygons that cannot be read, or are in another system.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
-    /// use terrane::Filter;
+    /// use terrane::{CloudInput, PointFilter};
     /// let cloud = terrane::open_cloud("synth:cloud,size=50,density=2,seed=7")?;
     /// let condition = Some("classification = 2 and intensity > 100".parse().unwrap());
-    /// let strong = cloud.filter(Filter { condition, ..Filter::default() })?;
+    /// let points = PointFilter { condition, ..PointFilter::default() };
+    /// let strong = cloud.read_as(CloudInput { points, ..CloudInput::default() })?;
     /// # let _ = strong;
     /// # Ok(())
     /// # }
     /// ```
-    pub fn filter(self, filter: Filter) -> Result<Self> {
-        if self.options.filter != Filter::default() {
-            return Err(Error::usage("the cloud has a filter already")
-                .remedy("say all that points have to meet in one filter"));
-        }
-        let options = OpenOptions { filter, ..self.options.clone() };
-        self.read_as(options)
+    pub fn read_as(self, reading: CloudInput) -> Result<Self> {
+        let Self { inputs, held, .. } = self;
+        Ok(Self { held, ..Self::open(inputs, reading)? })
     }
 
-    /// The same cloud; what cannot be read is given up and counted, instead of failing the job.
+    /// The same cloud, of the points inside the polygons of a file of features alone.
     ///
     /// # Errors
-    /// As [`open_cloud`].
-    pub fn salvage(self, salvage: bool) -> Result<Self> {
-        let options = OpenOptions { salvage, ..self.options.clone() };
-        self.read_as(options)
+    /// As [`read_as`](Self::read_as).
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// let (areas, path) = (folder.path().join("areas.wkt"), folder.path().join("count.tif"));
+    /// std::fs::write(&areas, "POLYGON ((500000 4750000, 500010 4750000, 500010 4750010, 500000 4750010))").unwrap();
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?.clip(&areas);
+    /// assert!(cloud.is_err()); // which system that is, is not said
+    /// std::fs::write(areas.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?.clip(&areas)?;
+    /// let made = cloud.grid(10.0).stat("count").write(&path)?;
+    /// assert!(made.points.kept < 300);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn clip(self, polygons: impl AsRef<Path>) -> Result<Self> {
+        let clip = Some(name_of(polygons.as_ref().to_path_buf())?);
+        let reading = CloudInput { clip, ..self.reading.clone() };
+        self.read_as(reading)
+    }
+
+    /// The same cloud, of the points within the box (x low, y low, x high, y high) alone, its borders included.
+    ///
+    /// # Errors
+    /// As [`read_as`](Self::read_as).
+    pub fn bounds(self, bounds: [f64; 4]) -> Result<Self> {
+        let reading = CloudInput { bounds: Some(bounds), ..self.reading.clone() };
+        self.read_as(reading)
     }
 
     /// Bounds, number of points and reference system, as the headers claim.
@@ -137,20 +158,97 @@ impl Cloud {
         }
     }
 
-    /// A grid with square cells of this side, in units of the reference system: statistics of the points
-    /// in each, or a model of the terrain.
+    /// A grid of it, with square cells of this side in units of the reference system: in one pass over the points, each band
+    /// a statistic of the points in its cells, or a model of the terrain. Corners of cells are at multiples of their size. The
+    /// result does not depend on the order of points or files.
     ///
-    /// A [model](GridBuilder::model) without a side (`None`) has cells of about the distance between points.
-    pub fn grid(&self, cell: impl Into<Option<f64>>) -> GridBuilder<'_> {
-        GridBuilder::of(self, cell.into())
+    /// A [model](Job::dtm) without a side (`None`) has cells of about the distance between points.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [work, path, high] = ["work", "dtm.tif", "chm.tif"].map(|name| folder.path().join(name));
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
+    /// let ground = || cloud.grid(1.0).dtm(true).ground("csf:rigidness=1".parse::<terrane::GroundFrom>().unwrap());
+    /// ground().write(&path)?;
+    /// let made = ground().plan(&work, 256)?.run().run()?; // by tasks, the same bytes
+    /// assert!(std::fs::read(path).unwrap() == std::fs::read(made.written.unwrap()).unwrap());
+    /// let canopy: terrane::Canopy = "spike-free:freeze=2".parse()?;
+    /// let made = cloud.grid(1.0).chm(true).canopy(canopy).write(&high)?;
+    /// assert!(made.notes.iter().any(|note| note.contains("spike-free")));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn grid(&self, cell: impl Into<Option<f64>>) -> Job<'_, GridOptions> {
+        let cell = cell.into().map(|side| [side; 2]);
+        self.job(GridOptions { cell, cloud: self.reading.clone(), ..GridOptions::default() })
     }
 
-    /// Its points in files of points.
-    pub fn points(&self) -> PointsBuilder<'_> {
-        PointsBuilder::of(self)
+    /// Its points in files of points, with all that is known of them: one file, LAS, LAZ, COPC or text by the name's ending
+    /// (`.las`, `.laz`, `.copc.laz`, `.csv`), or a folder of one for each [square](Job::tile) or
+    /// [value of an attribute](Job::split). Points stay in the order of the files' names and of the points in them unless
+    /// another is asked for; those marked as withheld are kept.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, thin, high, parts] = ["points.xyz", "thin.laz", "high.csv", "parts"].map(|name| folder.path().join(name));
+    /// use terrane::{Assign, HeightsAs, Thin};
+    /// std::fs::write(&path, "x y z class\n0 0 1 2\n4 0 3 2\n0 4 1 2\n1 1 9.25 5\n").unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
+    /// let made = cloud.points().thin("2:lowest".parse::<Thin>().unwrap()).write(&thin)?;
+    /// assert_eq!(made.points, 3); // one of each square of 2 by 2
+    /// let set: Assign = "intensity = 10 * (z + 1)".parse().unwrap();
+    /// cloud.points().height_above_ground(HeightsAs::Z).attribute([set]).write(&high)?;
+    /// let text = std::fs::read_to_string(&high).unwrap();
+    /// assert!(text.lines().nth(4).unwrap().starts_with("1,1,7.75,")); // the ground is at 1.5 there
+    /// assert_eq!(cloud.points().split("class").write(&parts)?.files, 2);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn points(&self) -> Job<'_, PointsOptions> {
+        self.job(PointsOptions { cloud: self.reading.clone(), ..PointsOptions::default() })
     }
 
-    /// Tiles for viewers of the globe of a model of its ground ([`Preset::Dtm`]) with square cells of this side, in units
+    fn job<O: Operation>(&self, options: O) -> Job<'_, O> {
+        Job::new(Inputs::from(self.inputs.clone()), options)
+    }
+
+    /// Runs one of the [`OPERATIONS`](crate::OPERATIONS) on clouds with options by name, and tells what its report is as JSON.
+    ///
+    /// # Errors
+    /// Options that there are not; else those of [`Job::write`].
+    pub fn run(
+        &self,
+        operation: &AnyOperation,
+        output: &Path,
+        options: &serde_json::Map<String, serde_json::Value>,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<serde_json::Value> {
+        let inputs = &Inputs::from(self.inputs.clone());
+        let request = Request { inputs, output, skipped: &[], progress, cancel };
+        (operation.run)(&Call { request, reading: changed(&self.reading), options })
+    }
+
+    /// Plans one of the [`OPERATIONS`](crate::OPERATIONS) that can be divided, as [`Job::plan`] does.
+    ///
+    /// # Errors
+    /// An operation that cannot be divided; options that there are not; else those of [`Job::plan`].
+    pub fn plan(
+        &self,
+        operation: &AnyOperation,
+        folder: &Path,
+        options: &serde_json::Map<String, serde_json::Value>,
+        task_size: Option<u32>,
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<Plan> {
+        let inputs = &Inputs::from(self.inputs.clone());
+        let request = Request { inputs, output: folder, skipped: &[], progress, cancel };
+        operation.plan(&Call { request, reading: changed(&self.reading), options }, task_size)
+    }
+
+    /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](Job::dtm)) with square cells of this side, in units
     /// of the reference system; about as wide as points are apart when `None`. What tiles promise is about samples
     /// of the model.
     ///
@@ -301,212 +399,6 @@ impl CloudTinBuilder<'_> {
             keep_points: name(&self.keep_points)?,
             breaklines: name(&self.breaklines)?,
             ..CloudTinJob::new(self.cloud.inputs.clone(), output, tolerance, resources)
-        })
-    }
-}
-
-/// A grid of a cloud to be made: in one pass over the points, each band a statistic of the points in its
-/// cells, or a model of the terrain. Corners of cells are at multiples of their size. The result does not
-/// depend on the order of points or files.
-pub struct GridBuilder<'a> {
-    cloud: &'a Cloud,
-    stats: String,
-    preset: Option<Preset>,
-    ground: GroundFrom,
-    canopy: Canopy,
-    water: Option<PathBuf>,
-    placement: Placement,
-    radius: Option<f64>,
-    max_edge: Option<f64>,
-    fill: u32,
-    format: Option<String>,
-    creation: Vec<(String, String)>,
-    run: Run,
-}
-
-run_settings!([] GridBuilder<'_>);
-output_settings!([] GridBuilder<'_>);
-
-impl<'a> GridBuilder<'a> {
-    fn of(cloud: &'a Cloud, cell: Option<f64>) -> Self {
-        let cell = cell.map(|side| [side; 2]);
-        Self {
-            cloud,
-            stats: "mean".to_owned(),
-            preset: None,
-            ground: GroundFrom::Auto,
-            canopy: Canopy::default(),
-            water: None,
-            placement: Placement { cell, ..Placement::default() },
-            radius: None,
-            max_edge: None,
-            fill: 0,
-            format: None,
-            creation: Vec::new(),
-            run: Run::default(),
-        }
-    }
-
-    /// A band for each of these statistics, such as `"mean,p95,idw:radius=2"`; the mean unless told otherwise.
-    pub fn stats(mut self, list: impl Into<String>) -> Self {
-        (self.stats, self.preset) = (list.into(), None);
-        self
-    }
-
-    /// A model of the terrain instead of statistics: of the ground, of what is seen from above, or the height
-    /// of the one above the other.
-    pub fn model(mut self, model: Preset) -> Self {
-        self.preset = Some(model);
-        self
-    }
-
-    /// Which points are ground, for a [`model`](Self::model): those of class 2 or of the cloud's filter, or those that a
-    /// method finds; the first, and if there are none the best method, unless told otherwise.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [work, path] = ["work", "dtm.tif"].map(|name| folder.path().join(name));
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
-    /// let ground = || cloud.grid(1.0).model(terrane::Preset::Dtm).ground("csf:rigidness=1".parse().unwrap());
-    /// ground().write(&path)?;
-    /// let made = ground().plan(&work, 256)?.run().run()?; // by tasks, the same bytes
-    /// assert!(std::fs::read(path).unwrap() == std::fs::read(made.written.unwrap()).unwrap());
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn ground(mut self, from: GroundFrom) -> Self {
-        self.ground = from;
-        self
-    }
-
-    /// How a [`model`](Self::model) of what is seen from above gets rid of returns from deep in crowns: pit-free, unless
-    /// told otherwise, or spike-free, which is made of all returns.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let path = folder.path().join("chm.tif");
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
-    /// let canopy: terrane::Canopy = "spike-free:freeze=2".parse()?;
-    /// let made = cloud.grid(1.0).model(terrane::Preset::Chm).canopy(canopy).write(&path)?;
-    /// assert!(made.notes.iter().any(|note| note.contains("spike-free")));
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn canopy(mut self, method: Canopy) -> Self {
-        self.canopy = method;
-        self
-    }
-
-    /// In a model of the ground, level water: the polygons of a file of features are lakes, and those that a line of
-    /// the file runs within are rivers, as for a [`Grid`](crate::Grid::water).
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [file, path] = ["lake.wkt", "dtm.tif"].map(|name| folder.path().join(name));
-    /// std::fs::write(&file, "POLYGON ((500010 4750010, 500040 4750010, 500030 4750040))").unwrap();
-    /// std::fs::write(file.with_extension("prj"), "EPSG:32631").unwrap();
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
-    /// let made = cloud.grid(1.0).model(terrane::Preset::Dtm).water(&file).write(&path)?;
-    /// assert_eq!(made.water.unwrap().lakes, 1);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn water(mut self, file: impl Into<PathBuf>) -> Self {
-        self.water = Some(file.into());
-        self
-    }
-
-    /// All cells that the box (x low, y low, x high, y high) overlaps, instead of those of the cloud.
-    pub fn bounds(mut self, bounds: [f64; 4]) -> Self {
-        self.placement.bbox = Some(bounds);
-        self
-    }
-
-    /// The very cells of this grid, instead of those of a size.
-    pub fn like(mut self, grid: impl Into<String>) -> Self {
-        self.placement = Placement { like: Some(grid.into()), cell: None, ..self.placement };
-        self
-    }
-
-    /// The radius of idw and nearest, in units of the reference system; the diagonal of a cell unless told
-    /// otherwise.
-    pub fn radius(mut self, radius: f64) -> Self {
-        self.radius = Some(radius);
-        self
-    }
-
-    /// Triangles with a longer edge are no surface, for statistics and models made of triangulations.
-    pub fn max_edge(mut self, length: f64) -> Self {
-        self.max_edge = Some(length);
-        self
-    }
-
-    /// Fill voids from known cells at most so many columns and rows away.
-    pub fn fill(mut self, cells: u32) -> Self {
-        self.fill = cells;
-        self
-    }
-
-    /// A creation option of the format, such as `COMPRESS`, `DEFLATE`.
-    pub fn creation(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
-        self.creation.push((key.into(), value.into()));
-        self
-    }
-
-    /// Makes the grid and writes it, within the memory allowed.
-    ///
-    /// # Errors
-    /// An unknown statistic; damage in the files; too little memory; an output that exists, cannot be written
-    /// or does not hold the bands; cancelled.
-    pub fn write(self, path: impl Into<PathBuf>) -> Result<GridReport> {
-        grid::run(&self.job(path.into())?, &*self.run.progress, &self.run.cancel)
-    }
-
-    /// Writes down in a folder what is to be made and by which tasks, so that it can be done by pieces and by
-    /// many machines: [`Plan`](crate::Plan). A task has `cut` cells along a tile, a multiple of 256, or as many as make a
-    /// fair piece of work. The format is GTiff unless told otherwise.
-    ///
-    /// # Errors
-    /// As [`write`](Self::write); [`water`](Self::water), whose level is that of a whole bank; a folder that holds
-    /// something else.
-    pub fn plan(mut self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
-        if self.run.overwrite {
-            return Err(Error::usage("a plan writes no grid yet, in place of another")
-                .remedy("leave overwrite out, and say it of the run"));
-        }
-        let folder = folder.into();
-        let format = terrane_raster::write::by_name(self.format.as_deref().unwrap_or("GTiff"))?;
-        self.format = Some(format.name.to_owned());
-        let job = self.job(folder.join("grid").with_extension(format.extensions[0]))?;
-        let plan =
-            PlanGridJob { job, folder: folder.clone(), cut: cut.into(), skipped: Vec::new() };
-        plan_grid(&plan, &*self.run.progress, &self.run.cancel)?;
-        Plan::open(folder)
-    }
-
-    fn job(&self, output: PathBuf) -> Result<GridJob> {
-        let stats = match self.preset {
-            Some(preset) => vec![preset.band()],
-            None => parse_list(&self.stats)?,
-        };
-        Ok(GridJob {
-            cloud: self.cloud.options.clone(),
-            preset: self.preset,
-            ground: self.ground,
-            canopy: self.canopy,
-            water: self.water.clone().map(name_of).transpose()?,
-            placement: self.placement.clone(),
-            radius: self.radius,
-            max_edge: self.max_edge,
-            fill: self.fill,
-            format: self.format.clone(),
-            creation: self.creation.clone(),
-            overwrite: self.run.overwrite,
-            resources: self.run.resources()?,
-            ..GridJob::new(self.cloud.inputs.clone(), output, stats, 1.0)
         })
     }
 }

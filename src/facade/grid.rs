@@ -14,6 +14,7 @@ use terrane_jobs::contour::ContourOptions;
 use terrane_jobs::convert::ConvertOptions;
 use terrane_jobs::operation::{AnyOperation, Call, Has, Job, Operation, Request};
 use terrane_jobs::options::GridInput;
+use terrane_jobs::plan::AnyPlan as Plan;
 use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -366,8 +367,25 @@ impl Grid {
         cancel: &Cancel,
     ) -> Result<serde_json::Value> {
         let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
-        let request = Request { inputs, output, progress, cancel };
+        let request = Request { inputs, output, skipped: &[], progress, cancel };
         (operation.run)(&Call { request, reading, options })
+    }
+
+    /// Plans one of the [`OPERATIONS`](crate::OPERATIONS) that can be divided, as [`Job::plan`] does.
+    ///
+    /// # Errors
+    /// An operation that cannot be divided; options that there are not; else those of [`Job::plan`].
+    pub fn plan(
+        &self,
+        operation: &AnyOperation,
+        folder: &Path,
+        options: &serde_json::Map<String, serde_json::Value>,
+        task_size: Option<u32>,
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<Plan> {
+        let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
+        let request = Request { inputs, output: folder, skipped: &[], progress, cancel };
+        operation.plan(&Call { request, reading, options }, task_size)
     }
 
     /// Tiles of it for viewers of the globe.
@@ -384,7 +402,7 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Preset, open_cloud, open_points};
+    use crate::{open_cloud, open_points};
 
     /// What is made of a grid in a file and of the same heights in memory, byte by byte.
     #[test]
@@ -428,15 +446,15 @@ mod tests {
             .map(|i| [f64::from(i * 37 % 1000) / 10.0, f64::from(i * 91 % 997) / 10.0, 5.0])
             .collect();
         let cloud = open_points(&points, None, Default::default())?;
-        cloud.grid(2.0).model(Preset::Dtm).write(path("dtm.tif"))?;
+        cloud.grid(2.0).dtm(true).write(path("dtm.tif"))?;
         let dtm = open(path("dtm.tif"))?;
         let middle = dtm.heights(terrane_base::geom::Rect::new(20, 20, 3, 3))?;
         assert_eq!(middle, [5.0; 9]);
         let tin = cloud.tin().max_error(0.1).write(path("mesh.ply"))?;
         assert!(tin.vertices > 2 && cloud.verify(path("mesh.ply")).run()?.verdict.passed);
-        assert!(cloud.grid(2.0).stats("mean").plan(path("plan"), None).is_err());
+        assert!(cloud.grid(2.0).stat("mean").plan(path("plan"), None).is_err());
         let named = open_cloud("synth:cloud,size=60,density=2,seed=5")?;
-        assert!(named.grid(2.0).stats("mean").plan(path("plan"), None).is_ok());
+        assert!(named.grid(2.0).stat("mean").plan(path("plan"), None).is_ok());
         Ok(())
     }
 }

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use super::cloud::Cloud;
 use super::grid::Grid;
-use super::plan::Plan;
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
 use terrane_jobs::grid::GroundFrom;
 use terrane_jobs::options::GridInput;
+use terrane_jobs::plan::AnyPlan as Plan;
 use terrane_jobs::tiles::{
     self, Beyond, Format as TilesFormat, GroundModel, PlanJob, TilesJob, TilesReport, run_cloud,
 };

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
-use super::plan::Plan;
 use super::run::{Run, System, output_settings, run_settings, system_settings};
 use terrane_base::bound::Bound;
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
 use terrane_files::{lock, name_of};
+use terrane_jobs::plan::AnyPlan as Plan;
 use terrane_jobs::tin::{
     self, BuildJob, Built, Goal, PlanJob, Refinement, TinJob, TinReport, USUAL_TILE,
 };

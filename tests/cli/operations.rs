@@ -6,13 +6,14 @@ use std::path::Path;
 use serde_json::{Map, Value as Json, json};
 use terrane::{AnyOperation, Cancel, OPERATIONS, Reads, Silent};
 use terrane_base::door::Door;
-use terrane_options::{Field, Kind, Rule, Shape, texts_of};
+use terrane_options::{Field, Kind, Role, Rule, Shape, texts_of};
 
 use crate::cli_support::Place;
 
 const TERRAIN: &str = "synth:rough,size=90,seed=3";
 
-/// A value of each option that is not its default, and what else an operation needs for it to act.
+/// A value of each option that is not its default, and what else an operation needs for it to act. Where operations mean
+/// different things by a name, that of the operation comes before it.
 ///
 /// A new option without a line here fails the test.
 const VALUES: &[(&str, &str, &str)] = &[
@@ -31,7 +32,7 @@ const VALUES: &[(&str, &str, &str)] = &[
     ("compute_edges", "true", "{}"),
     ("exact", "true", "{}"),
     ("extent", "[500100, 4749500, 500600, 4749900]", "{\"resampling\": \"near\"}"),
-    ("format", "", "{}"),
+    ("format", "\"AAIGrid\"", "{}"),
     ("geoid", "\"geoid.gtx\"", "{\"to_crs\": \"EPSG:4979\"}"),
     ("index", "4", "{}"),
     ("interval", "3.5", "{}"),
@@ -83,12 +84,67 @@ const VALUES: &[(&str, &str, &str)] = &[
     ("skirts", "true", "{\"format\": [\"3dtiles\"]}"),
     ("tile_edges", "true", "{\"format\": [\"3dtiles\"]}"),
     ("water_mask", "true", "{\"water\": \"lake.wkt\"}"),
+    ("color-relief.format", "\"COG\"", "{}"),
+    ("contour.format", "\"FlatGeobuf\"", "{}"),
+    ("simplify.format", "\"FlatGeobuf\"", "{}"),
+    ("tiles.format", "[\"3dtiles\"]", "{}"),
+    ("class", "[2, 5]", "{}"),
+    ("return", "\"last\"", "{}"),
+    ("grid.keep_withheld", "true", "{}"),
+    ("drop_flag", "[\"withheld\", \"overlap\"]", "{\"keep_withheld\": true}"),
+    ("z_range", "[-5, 166.5]", "{}"),
+    ("where", "\"z > 166 and class != 5\"", "{}"),
+    ("every", "3", "{}"),
+    ("crs", "\"EPSG:25831\"", "{}"),
+    ("grid.bounds", "[500010, 4750010, 500040, 4750035]", "{}"),
+    ("points.bounds", "[500010, 4750010, 500040, 4750035]", "{}"),
+    ("grid.clip", "\"near.wkt\"", "{}"),
+    ("points.clip", "\"near.wkt\"", "{}"),
+    ("stat", "[\"max\", \"idw:radius=2,power=1\"]", "{}"),
+    ("dtm", "true", "{}"),
+    ("dsm", "true", "{}"),
+    ("chm", "true", "{}"),
+    ("grid.ground", "\"csf:rigidness=1\"", "{\"dtm\": true}"),
+    ("points.ground", "\"csf:rigidness=1\"", "{\"height_above_ground\": \"z\"}"),
+    ("canopy", "\"spike-free:freeze=2\"", "{\"dsm\": true}"),
+    ("grid.water", "\"near.wkt\"", "{\"dtm\": true}"),
+    ("cell", "[3, 4]", "{}"),
+    ("align", "[0.5, 0.25]", "{}"),
+    ("grid.extent", "[500010, 4750010, 500040, 4750035]", "{}"),
+    ("grid.like", "\"near.asc\"", "{\"cell\": null}"),
+    ("compat", "\"lasr\"", "{}"),
+    ("radius", "9", "{\"stat\": \"idw\"}"),
+    ("power", "3", "{\"stat\": \"idw\"}"),
+    ("max_edge", "0.6", "{\"dtm\": true}"),
+    ("fill", "2", "{\"cell\": 1}"),
+    ("grid.type", "\"int16\"", "{\"round\": true}"),
+    ("grid.nodata", "-1", "{}"),
+    ("point_format", "7", "{}"),
+    ("las_version", "1.5", "{}"),
+    ("dedupe", "true", "{}"),
+    ("sort", "\"morton\"", "{}"),
+    ("height_above_ground", "\"z\"", "{}"),
+    ("classify", "[\"ground:reclassify=9\", \"height\"]", "{}"),
+    ("points.attribute", "[\"intensity = 2 * class\"]", "{}"),
+    ("drop_overlap", "4", "{}"),
+    ("thin", "\"2:lowest\"", "{}"),
+    ("thin_distance", "3.5", "{}"),
+    ("points.tile", "25", "{}"),
+    ("split", "\"classification\"", "{}"),
+    ("buffer", "5", "{\"tile\": 25}"),
+    ("buffer_mark", "\"synthetic\"", "{\"tile\": 25, \"buffer\": 5}"),
+    ("tile_format", "\"las\"", "{\"tile\": 25}"),
+    ("workdir", "\"kept\"", "{\"tile\": 25}"),
+    ("disk_check", "false", "{\"tile\": 25, \"workdir\": \"kept\"}"),
+    ("points.to_crs", "\"EPSG:32632\"", "{}"),
 ];
 
 /// Options that cannot be tried here, with the reason.
 const UNTRIED: &[(&str, &str)] = &[
     ("shift_grid", "needs a grid of shifts, see geoids and crs_matrix"),
     ("geoid", "needs a geoid, see geoids"),
+    ("points.keep_withheld", "points marked as withheld are written as others are"),
+    ("salvage", "needs a damaged cloud, see salvage"),
 ];
 
 /// What options an operation needs to run at all.
@@ -96,6 +152,7 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
     let needed = match operation.name {
         "color-relief" => json!({ "colors": "colors.txt" }),
         "contour" => json!({ "interval": 10 }),
+        "grid" => json!({ "cell": 2 }),
         "simplify" => json!({ "tolerance": 40 }),
         "tiles" => json!({ "max_level": 12 }),
         _ => json!({}),
@@ -107,6 +164,8 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
 fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str {
     match (operation.name, options.get("format").and_then(Json::as_str)) {
         ("tiles", _) => "out",
+        ("points", _) if options.contains_key("tile") || options.contains_key("split") => "out",
+        ("points", _) => "out.laz",
         ("contour" | "simplify", Some("FlatGeobuf")) => "out.fgb",
         ("contour" | "simplify", _) => "out.geojson",
         (_, Some("AAIGrid")) => "out.asc",
@@ -116,20 +175,15 @@ fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str
 
 /// A value of an option, and the options to go with it; none where it cannot be tried.
 fn tried(operation: &AnyOperation, field: &Field) -> Option<Map<String, Json>> {
-    if UNTRIED.iter().any(|(name, _)| *name == field.name) {
+    let names = [format!("{}.{}", operation.name, field.name), field.name.to_owned()];
+    if UNTRIED.iter().any(|(name, _)| names.iter().any(|own| own == name)) {
         return None;
     }
-    let (_, value, others) =
-        VALUES.iter().find(|(name, ..)| *name == field.name).unwrap_or_else(|| {
-            panic!("{} of {} has no value in this test", field.name, operation.name)
-        });
-    let value = match (field.name, operation.name) {
-        ("format", "contour" | "simplify") => json!("FlatGeobuf"),
-        ("format", "color-relief") => json!("COG"),
-        ("format", "tiles") => json!(["3dtiles"]),
-        ("format", _) => json!("AAIGrid"),
-        _ => serde_json::from_str(value).unwrap(),
-    };
+    let found = names.iter().find_map(|own| VALUES.iter().find(|(name, ..)| name == own));
+    let (_, value, others) = found.unwrap_or_else(|| {
+        panic!("{} of {} has no value in this test", field.name, operation.name)
+    });
+    let value: Json = serde_json::from_str(value).unwrap();
     let mut options = needed(operation);
     let others: Map<String, Json> = serde_json::from_str(others).unwrap();
     options.extend(others);
@@ -146,8 +200,6 @@ fn arguments(operation: &AnyOperation, options: &Map<String, Json>) -> (Vec<Stri
     for (name, value) in options.iter().filter(|(_, value)| !value.is_null()) {
         let field = operation.table.find(name).unwrap();
         let long = match field.kind {
-            // `--bounds` of tiles is about clouds, which they are made of as well.
-            _ if (operation.name, field.name) == ("tiles", "bounds") => "--bbox".to_owned(),
             Kind::Flag => Door::CommandLine.spell(&format!("‹{name}={value}›")).into_owned(),
             _ => Door::CommandLine.spell(&format!("‹{name}›")).into_owned(),
         };
@@ -155,6 +207,10 @@ fn arguments(operation: &AnyOperation, options: &Map<String, Json>) -> (Vec<Stri
         match (field.positional, field.kind, field.shape) {
             (true, ..) => names.extend(texts),
             (_, Kind::Flag, _) => arguments.push(long),
+            // A name behind it would be that of an input.
+            _ if field.bare.is_some() => {
+                arguments.extend(texts.iter().map(|text| format!("{long}={text}")));
+            }
             (.., Shape::Repeated) => {
                 arguments.extend(texts.into_iter().flat_map(|text| [long.clone(), text]));
             }
@@ -208,6 +264,21 @@ fn place() -> Place {
     });
     place.write("two.topojson", topology.to_string());
     place.write("sides.wkt", "POINT (500050 4753520)").write("sides.prj", "EPSG:32631");
+    place.ok(&["synth", "cloud,size=60,density=4,seed=5", "cloud.las", "-q"]);
+    let text: String = (0..500)
+        .map(|i| format!("{} {} {}\n", 500_000 + i % 25 * 2, 4_750_000 + i / 25 * 3, i * 31 % 17))
+        .collect();
+    place.write("cloud.xyz", text);
+    // The same points of two flight lines.
+    for line in ["1", "2"] {
+        let (name, set) = (format!("twice{line}.las"), format!("point_source_id={line}"));
+        place.ok(&["points", "cloud.las", &name, "--attribute", &set, "-q"]);
+    }
+    let near = "POLYGON ((500010 4750010, 500045 4750010, 500045 4750040, 500010 4750010))";
+    place.write("near.wkt", near).write("near.prj", "EPSG:32631");
+    let cells = "1 2 3 4 5\n".repeat(4);
+    let head = "ncols 5\nnrows 4\nxllcorner 500010\nyllcorner 4750010\ncellsize 7\n";
+    place.write("near.asc", head.to_owned() + &cells).write("near.prj", "EPSG:32631");
     place
 }
 
@@ -236,7 +307,6 @@ fn lines() -> String {
 
 /// A grid of two bands, since bands other than the first are an option.
 fn two_bands(place: &Place) {
-    place.ok(&["synth", "cloud,size=60,density=4,seed=5", "cloud.las", "-q"]);
     place.ok(&["grid", "cloud.las", "bands.tif", "--cell", "1", "--stat", "max,min", "-q"]);
 }
 
@@ -247,15 +317,18 @@ fn each_option_does_the_same_at_each_door() {
     for operation in OPERATIONS {
         for field in operation.table.fields() {
             let Some(options) = tried(operation, field) else { continue };
-            let input = match field.name {
-                "band" | "nodata" => "bands.tif",
-                "layer" => "two.topojson",
+            let input = match (field.name, operation.reads) {
+                ("band" | "nodata", Reads::Grid) => "bands.tif",
+                ("layer", _) => "two.topojson",
+                ("crs", _) => "cloud:cloud.xyz",
+                ("dedupe" | "drop_overlap", _) => "twice*.las",
                 _ => input(operation),
             };
             let written = write_both(&place, operation, &options, input);
             let usual = write_both(&place, operation, &without(operation, field, &options), input);
             let is_seen = written != usual
-                || ["overwrite", "memory", "threads", "temp_dir", "tile"].contains(&field.name);
+                || field.role == Role::Run
+                || (operation.name, field.name) == ("contour", "tile");
             // A terrain has no level ground, and metres lead to one direction in any unit.
             let may_be_unseen =
                 [("aspect", "zero_for_flat"), ("aspect", "scale"), ("simplify", "strategy")];
@@ -282,7 +355,8 @@ fn without(
     let is_goal = options.values().any(Json::is_null) || needed.contains_key(field.name);
     // Nothing is resampled without a lattice, nor the other way round.
     let is_lattice = operation.name == "convert" && field.heading == "Lattice";
-    match is_goal || is_lattice || ["to_crs", "round"].contains(&field.name) {
+    let is_rounded = (operation.name, field.name) == ("grid", "type");
+    match is_goal || is_lattice || is_rounded || ["to_crs", "round"].contains(&field.name) {
         true => needed,
         false => others,
     }
@@ -315,6 +389,11 @@ fn write_both(
 
 /// What a file holds, or all files in a folder do, in the order of their names; it goes.
 fn taken(path: &Path) -> Vec<u8> {
+    // What was kept of the work was that of this door.
+    let kept = path.with_file_name("kept");
+    if kept.exists() {
+        std::fs::remove_dir_all(kept).unwrap();
+    }
     if path.is_dir() {
         let entries = std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path());
         let mut inner: Vec<_> = entries.collect();
@@ -337,8 +416,13 @@ fn by_library(
     options: &Map<String, Json>,
 ) -> terrane::Result<Json> {
     let cancel = Cancel::default();
-    let path = place.path(input);
+    let path = place.path(input.trim_start_matches("cloud:"));
     match operation.reads {
+        Reads::Cloud => {
+            let is_text = if input.starts_with("cloud:") { "cloud:" } else { "" };
+            let cloud = terrane::open_cloud(format!("{is_text}{}", path.display()))?;
+            cloud.run(operation, output, options, &Silent, &cancel)
+        }
         Reads::Features => {
             terrane::open_features(path)?.run(operation, output, options, &Silent, &cancel)
         }
@@ -353,6 +437,7 @@ fn by_library(
 fn input(operation: &AnyOperation) -> &'static str {
     match operation.reads {
         Reads::Grid => TERRAIN,
+        Reads::Cloud => "cloud.las",
         Reads::Features => "lines.wkt",
     }
 }
@@ -377,7 +462,12 @@ fn refuse_both(place: &Place, operation: &AnyOperation, name: &str, other: &str)
     let options = [name, other]
         .into_iter()
         .flat_map(|name| tried(operation, operation.table.find(name).unwrap()).unwrap_or_default());
-    let mut options: Map<String, Json> = options.collect();
+    let all: Vec<(String, Json)> = options.collect();
+    let mut options: Map<String, Json> = all.iter().cloned().collect();
+    // What one of them does without, is left out.
+    let is_left_out =
+        |(key, value): &(String, Json)| value.is_null() && key != name && key != other;
+    options.extend(all.into_iter().filter(is_left_out));
     // What lines are drawn at is said once.
     if [name, other].contains(&"levels") && ![name, other].contains(&"interval") {
         options.remove("interval");

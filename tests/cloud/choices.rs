@@ -159,7 +159,7 @@ fn points_come_in_the_order_asked_for() {
             let output = place.path().join("out.laz");
             let job = job(&[&files[1], &files[0]], &output);
             run(&TranslateJob { sort: Some(by), resources, ..job }).unwrap();
-            assert!(whole(&output).records == expected, "{by} {threads}");
+            assert!(whole(&output).records == expected, "{by:?} {threads}");
         }
     }
 }

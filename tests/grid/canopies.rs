@@ -154,7 +154,7 @@ fn neither_threads_nor_memory_nor_order_nor_the_box_leave_a_trace() {
         assert!(whole == small, "the budget left a trace");
         let all = read(&place.path("a.tif"), 1);
         let mut job = asked(&input, resources(2, 1024));
-        job.placement.bbox = Some([60.0, 70.0, 210.0, 180.0]);
+        job.placement.extent = Some([60.0, 70.0, 210.0, 180.0]);
         let (part, _) = made(&GridJob { output: place.path("b.tif"), ..job });
         let (col, row) = (60 - all.corner[0] as usize, all.corner[1] as usize - 180);
         for (k, line) in part.values.chunks(part.width).enumerate() {

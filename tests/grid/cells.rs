@@ -237,8 +237,8 @@ fn quarters_are_what_the_whole_is() {
     for (cell, stats) in [(1.0, ALL), (0.71, "mean,idw,nearest")] {
         let source = Memory::new(FAR, &points, 500);
         for fill in [0, 3] {
-            let make = |bbox: Option<[f64; 4]>, bands: u32| {
-                let placement = Placement { bbox, ..Placement::new([cell; 2]) };
+            let make = |extent: Option<[f64; 4]>, bands: u32| {
+                let placement = Placement { extent, ..Placement::new([cell; 2]) };
                 let job = GridJob { placement, fill, overwrite: true, ..wide(&path, stats, cell) };
                 let outside = run(&source, &job).outside_grid;
                 ((1..=bands).map(|band| read(&path, band)).collect::<Vec<_>>(), outside)
@@ -413,7 +413,7 @@ fn cells_may_be_those_of_another_grid() {
     let points = points(3000, 2000, 70, 9);
     let source = Memory::new(FAR, &points, 500);
     let placement = Placement {
-        bbox: Some([199_990.0, 4_999_990.0, 200_005.0, 5_000_004.0]),
+        extent: Some([199_990.0, 4_999_990.0, 200_005.0, 5_000_004.0]),
         ..Placement::new([0.7; 2])
     };
     run(&source, &GridJob { placement, ..wide(&a, ALL, 0.7) });
@@ -421,7 +421,7 @@ fn cells_may_be_those_of_another_grid() {
         cell: None,
         like: Some(a.display().to_string()),
         align: None,
-        bbox: None,
+        extent: None,
         is_chosen: false,
     };
     run(&source, &GridJob { placement: like, ..wide(&b, ALL, 0.7) });

@@ -183,7 +183,7 @@ fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
         let all = read(&place.path("a.tif"), 1);
         let mut job = GridJob::of_preset([name], place.path("b.tif"), kind, 0.5);
         let [x, y] = ORIGIN;
-        job.placement.bbox = Some([x + 40.0, y + 60.0, x + 90.0, y + 100.0]);
+        job.placement.extent = Some([x + 40.0, y + 60.0, x + 90.0, y + 100.0]);
         let (part, _) = made(&GridJob { ground: GroundFrom::FILTER, ..job });
         let col = ((part.corner[0] - all.corner[0]) * 2.0) as usize;
         let row = ((all.corner[1] - part.corner[1]) * 2.0) as usize;

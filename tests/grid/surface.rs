@@ -103,7 +103,7 @@ fn planes_are_reproduced_and_beyond_the_hull_is_nothing() {
     for stats in ["tin", "natural"] {
         let mut job = job(&output, stats, 1.0);
         (job.overwrite, job.sample_type) = (true, terrane_raster::SampleType::F64);
-        job.placement.bbox = Some([0.0, 10.0, 70.0, 80.0]);
+        job.placement.extent = Some([0.0, 10.0, 70.0, 80.0]);
         run(&source, &job);
         let written = read(&output, 1);
         let mut found = 0;

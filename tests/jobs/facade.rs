@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use terrane::{Affine, Bound, Cancel, Crs, Filter, Plan, Progress, Rect, Tin};
+use terrane::{Affine, Bound, Cancel, Crs, Plan, Progress, Rect, Tin};
 use terrane_base::ErrorKind;
 
 const NAME: &str = "synth:rough,size=300,seed=7";
@@ -185,10 +185,10 @@ fn what_cannot_act_is_refused() {
     let usage = |done: Result<_, terrane::Error>| {
         assert_eq!(done.map_err(|error| error.kind()), Err(ErrorKind::Usage));
     };
-    let cells = || cloud.grid(1.0).stats("mean");
+    let cells = || cloud.grid(1.0).stat("mean");
     usage(cells().radius(2.0).write(path("a.tif")).map(drop));
     usage(cells().max_edge(2.0).write(path("a.tif")).map(drop));
-    usage(cloud.grid(1.0).stats("count").fill(2).write(path("a.tif")).map(drop));
+    usage(cloud.grid(1.0).stat("count").fill(2).write(path("a.tif")).map(drop));
     usage(cells().overwrite(true).plan(path("work"), None).map(drop));
     usage(cells().plan(path("work"), 1 << 15).map(drop));
     let plan = cells().plan(path("work"), 256).unwrap();
@@ -198,8 +198,8 @@ fn what_cannot_act_is_refused() {
     let grid = terrane::open(NAME).unwrap();
     usage(grid.tin().max_error(1.0).split(2).build().map(drop));
     usage(grid.tin().max_error(1.0).overwrite(true).plan(path("other"), None).map(drop));
-    let ground = Filter { classes: Some(vec![2]), ..Filter::default() };
-    usage(cloud.filter(ground.clone()).unwrap().filter(ground).map(drop));
+    usage(cloud.points().tile(10.0).workdir(path("kept")).plan(path("more"), None).map(drop));
+    usage(cloud.points().buffer(2.0).write(path("a.laz")).map(drop));
 }
 
 /// A GTX file of one height all over the globe.
@@ -364,7 +364,7 @@ fn a_plan_gives_what_a_single_run_does() {
     assert!(bytes("single.ply") == bytes("many.ply"));
 
     let cloud = terrane::open_cloud("synth:cloud,size=300,density=1,seed=7").unwrap();
-    let cells = || cloud.grid(1.0).stats("mean,p95");
+    let cells = || cloud.grid(1.0).stat("mean,p95");
     cells().write(path("single.tif")).unwrap();
     let done =
         cells().plan(path("cells"), 256).unwrap().run().output(path("many.tif")).run().unwrap();

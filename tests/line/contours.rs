@@ -268,7 +268,8 @@ fn simplified_terrain_crosses_nothing() {
         let run = |tolerance: Option<f64>| {
             let path = folder.path().join("lines.geojson");
             let mut job = job(terrain, &path, 5.0, tile, 2);
-            (job.options.tolerance, job.options.file.overwrite) = (tolerance.map(units), true);
+            (job.options.tolerance, job.options.file.replacing.overwrite) =
+                (tolerance.map(units), true);
             made(&job).unwrap();
             read(&path, "elev")
         };
@@ -320,7 +321,7 @@ fn lists_of_levels_and_grids_without_lines() {
     let all = made(&wanted).unwrap();
     let (low, high) = (all.lowest.unwrap() + 3.5, all.highest.unwrap() - 7.0);
     Heights::List(vec![high, -1e9, low, high]).of(&mut wanted.options);
-    wanted.options.file.overwrite = true;
+    wanted.options.file.replacing.overwrite = true;
     let report = made(&wanted).unwrap();
     assert_eq!((report.levels, report.lowest, report.highest), (2, Some(low), Some(high)));
     for (width, height) in [(1, 1), (1, 9), (40, 1), (33, 33)] {
@@ -364,7 +365,8 @@ fn tolerances_have_units() {
     let run = |grid: &Grid, value, unit| {
         let path = folder.path().join("lines.geojson");
         let mut job = job("memory", &path, 0.2, 32, 2);
-        (job.options.tolerance, job.options.file.overwrite) = (Some(Length { value, unit }), true);
+        (job.options.tolerance, job.options.file.replacing.overwrite) =
+            (Some(Length { value, unit }), true);
         let report = trace(grid, &job, &Silent, &Cancel::default())?;
         Ok::<_, terrane::Error>((read(&path, "elev"), report))
     };

@@ -119,7 +119,7 @@ fn masks_beside_the_file_make_voids_even_beside_a_store() {
     assert_masked(&store, 1, "beside a store");
     assert_eq!(details(&path, "mask"), ["b.tif.msk"]);
     let again = job.with(|options| {
-        options.file.overwrite = true;
+        options.file.replacing.overwrite = true;
     });
     let error = convert::run(&again, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::CannotWrite);

@@ -517,7 +517,7 @@ fn an_existing_output_stays_unless_told_otherwise() {
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
     run(
         &first.with(|options| {
-            options.file.overwrite = true;
+            options.file.replacing.overwrite = true;
         }),
         &Silent,
         &Cancel::default(),

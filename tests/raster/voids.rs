@@ -188,7 +188,7 @@ fn the_declared_nodata_value_is_the_one_that_voids_are_stored_as() {
             let mut job = ConvertJob::new(path("in.asc"), &out);
             (job.options.file.format, job.options.sample_type) =
                 (Some(format.to_owned()), Some(kind));
-            (job.options.out_nodata, job.options.file.overwrite) = (asked, true);
+            (job.options.out_nodata, job.options.file.replacing.overwrite) = (asked, true);
             if format == "COG" {
                 job.options.written.co.push(("COMPRESS".to_owned(), "NONE".to_owned()));
             }

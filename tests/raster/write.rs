@@ -149,7 +149,7 @@ fn every_type_comes_back_from_every_kind_of_geotiff() {
                 let what = format!("{asked} {} {width} x {height}", sample_type.name());
                 let grid = Grid::new(sample_type, width, height);
                 let job = job(&path, asked).with(|options| {
-                    options.file.overwrite = true;
+                    options.file.replacing.overwrite = true;
                 });
                 let report = convert(&grid, &job).unwrap();
                 assert_eq!(report.output_bytes, path.metadata().unwrap().len());
@@ -177,7 +177,7 @@ fn every_format_takes_a_grid_of_whole_numbers() {
             let mut grid = Grid::new(SampleType::I16, 150, 97);
             grid.info.pixel_is_point = point;
             let job = job(&path, format.name).with(|options| {
-                options.file.overwrite = true;
+                options.file.replacing.overwrite = true;
             });
             let report = convert(&grid, &job).unwrap();
             assert_eq!(report.format, format.name);
@@ -245,7 +245,7 @@ fn the_bytes_do_not_depend_on_threads_or_memory() {
         for (threads, memory) in [(1, 4096), (2, 20), (8, 4096)] {
             let path = folder.path().join(format!("{threads}.{ending}"));
             let mut job = job(&path, asked).with(|options| {
-                options.file.overwrite = true;
+                options.file.replacing.overwrite = true;
             });
             job.options.resources.threads = threads;
             job.options.resources.memory = memory << 20;
@@ -284,7 +284,7 @@ fn overviews_are_means_of_the_valid_samples_or_every_second_one() {
         convert(
             &grid,
             &job(&path, &asked).with(|options| {
-                options.file.overwrite = true;
+                options.file.replacing.overwrite = true;
             }),
         )
         .unwrap();
@@ -403,7 +403,7 @@ fn round_takes_the_nearest_value_and_types_change_exactly() {
     for kind in [SampleType::I16, SampleType::U16, SampleType::I32] {
         let options = job(&path, "GTiff").with(|options| {
             options.round = true;
-            options.file.overwrite = true;
+            options.file.replacing.overwrite = true;
         });
         convert(
             &grid,
@@ -421,7 +421,7 @@ fn round_takes_the_nearest_value_and_types_change_exactly() {
     }
     // Not rounded where it need not be; a nodata value that the type lacks is replaced.
     let options = job(&path, "COG").with(|options| {
-        options.file.overwrite = true;
+        options.file.replacing.overwrite = true;
     });
     let narrow = options.clone().with(|options| {
         options.sample_type = Some(SampleType::F32);
@@ -469,7 +469,7 @@ fn text_and_raw_grids_apply_scale_and_keep_every_float() {
     }
     let named = job(&folder.path().join("terrarium.png"), "PNG ENCODING=TERRAIN-RGB");
     let named = named.with(|options| {
-        options.file.overwrite = true;
+        options.file.replacing.overwrite = true;
     });
     refused(&scaled, &named, ErrorKind::Usage, &["terrarium"]);
 }

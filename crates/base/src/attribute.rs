@@ -1,5 +1,6 @@
 //! What is known of the points of clouds beside their places: attributes by name, and returns.
 
+use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
@@ -96,6 +97,17 @@ impl Return {
             Self::Last => number >= returns,
             Self::Only => number <= 1 && returns <= 1,
             Self::Number(wanted) => number == wanted,
+        }
+    }
+}
+
+impl fmt::Display for Return {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::First => f.write_str("first"),
+            Self::Last => f.write_str("last"),
+            Self::Only => f.write_str("only"),
+            Self::Number(number) => number.fmt(f),
         }
     }
 }

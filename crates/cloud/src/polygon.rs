@@ -1,13 +1,11 @@
-//! Polygons that points are cut by, from GeoJSON (RFC 7946), in the coordinates of the cloud.
+//! Polygons that points are cut by, in the coordinates of the cloud.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
-use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Frame, plane};
-use terrane_base::limits;
+use terrane_base::error::Result;
+use terrane_base::geom::{Crs, Frame, plane};
 
 /// Polygons with holes: inside is where an odd number of rings goes around. Of two polygons that
 /// share a border each point on it is in one only, as edges hold their lower end and not their upper
@@ -22,14 +20,18 @@ pub struct Polygon {
     starts: Vec<u32>,
     /// The edges that touch each band, band by band.
     lists: Vec<u32>,
+    /// The file that they are from, and its reference system.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    from: Option<(PathBuf, Crs)>,
 }
 
 /// Most bands: lists of long edges stay short against the edges.
 const MOST_BANDS: usize = 1024;
-/// Most corners.
-const MOST_CORNERS: u64 = 1 << 24;
 
 impl Polygon {
+    /// Bytes that an edge takes.
+    pub const EDGE_BYTES: u64 = (size_of::<[[f64; 2]; 2]>() + 2 * size_of::<u32>()) as u64;
+
     /// Of closed rings; a ring that ends off its start is closed.
     pub fn new(rings: &[Vec<[f64; 2]>]) -> Self {
         let mut edges = Vec::new();
@@ -53,7 +55,7 @@ impl Polygon {
         let bounds = edges.iter().flatten().fold(EMPTY, |[west, south, east, north], [x, y]| {
             [west.min(*x), south.min(*y), east.max(*x), north.max(*y)]
         });
-        let mut polygon = Self { edges, bounds, starts: Vec::new(), lists: Vec::new() };
+        let mut polygon = Self { edges, bounds, starts: Vec::new(), lists: Vec::new(), from: None };
         polygon.fill_bands();
         polygon
     }
@@ -81,34 +83,18 @@ impl Polygon {
         ((y - south) / (north - south) * bands as f64).min((bands - 1) as f64) as usize
     }
 
-    /// The polygons of a GeoJSON file, all of them together.
-    ///
-    /// # Errors
-    /// A file that cannot be read or holds no polygon.
-    pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::metadata(path).map_err(|e| Error::read(path, e))?.len();
-        limits::check("bytes of a polygon file", bytes, limits::MAX_HEADER_BYTES)
-            .map_err(|e| e.in_file(path))?;
-        let text = std::fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
-        Self::from_geojson(&text).map_err(|e| e.in_file(path))
+    /// The same from a file, in the reference system that it says.
+    pub fn of_file(self, path: &Path, crs: Crs) -> Self {
+        Self { from: Some((path.to_path_buf(), crs)), ..self }
     }
 
-    /// The polygons of GeoJSON text.
+    /// Fails where the polygons are in another reference system than a cloud.
     ///
     /// # Errors
-    /// Text that is not GeoJSON, or holds no polygon.
-    pub fn from_geojson(text: &str) -> Result<Self> {
-        let value: Value = serde_json::from_str(text)
-            .map_err(|e| Error::bad_input(format!("is not GeoJSON: {e}")))?;
-        let mut rings = Vec::new();
-        collect(&value, &mut rings)?;
-        let corners = rings.iter().map(|ring| ring.len() as u64).sum();
-        limits::check("corners of polygons", corners, MOST_CORNERS)?;
-        if rings.is_empty() {
-            let remedy = "name a file with a Polygon or MultiPolygon";
-            return Err(Error::bad_input("holds no polygon").remedy(remedy));
-        }
-        Ok(Self::new(&rings))
+    /// Bad input: both systems.
+    pub(crate) fn check(&self, cloud: &Crs) -> Result<()> {
+        let Some((path, crs)) = &self.from else { return Ok(()) };
+        cloud.check_same_of("cloud", crs, "polygons").map_err(|e| e.in_file(path))
     }
 
     /// The box around it: x low, y low, x high, y high; empty where no ring has an inside.
@@ -134,42 +120,4 @@ const EMPTY: [f64; 4] = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::N
 /// Whether an edge holds the height of a place and is left of it, or the place is on it.
 fn is_left([low, high]: &[[f64; 2]; 2], x: f64, y: f64) -> bool {
     low[1] <= y && y < high[1] && plane::orient(*low, *high, [x, y]).is_le()
-}
-
-/// Gathers the rings of all polygons in a GeoJSON object. The parser bounds its depth.
-fn collect(value: &Value, rings: &mut Vec<Vec<[f64; 2]>>) -> Result<()> {
-    match value["type"].as_str() {
-        Some("FeatureCollection") => collect_all(&value["features"], rings),
-        Some("GeometryCollection") => collect_all(&value["geometries"], rings),
-        Some("Feature") if value["geometry"].is_null() => Ok(()),
-        Some("Feature") => collect(&value["geometry"], rings),
-        Some("Polygon") => collect_rings(&value["coordinates"], rings),
-        Some("MultiPolygon") => list(&value["coordinates"])?
-            .iter()
-            .try_for_each(|polygon| collect_rings(polygon, rings)),
-        Some("Point" | "MultiPoint" | "LineString" | "MultiLineString") => Ok(()),
-        _ => Err(Error::bad_input("is not GeoJSON: an object has no known type")),
-    }
-}
-
-fn collect_all(values: &Value, rings: &mut Vec<Vec<[f64; 2]>>) -> Result<()> {
-    list(values)?.iter().try_for_each(|value| collect(value, rings))
-}
-
-fn collect_rings(polygon: &Value, rings: &mut Vec<Vec<[f64; 2]>>) -> Result<()> {
-    for ring in list(polygon)? {
-        let corners: Option<Vec<_>> = list(ring)?.iter().map(corner).collect();
-        rings.push(corners.ok_or_else(|| Error::bad_input("a corner of a polygon is no x, y"))?);
-    }
-    Ok(())
-}
-
-/// Its magnitude is bounded so that areas are finite.
-fn corner(value: &Value) -> Option<[f64; 2]> {
-    let number = |i: usize| value.get(i)?.as_f64().filter(|v| v.abs() < 1e100);
-    Some([number(0)?, number(1)?])
-}
-
-fn list(value: &Value) -> Result<&Vec<Value>> {
-    value.as_array().ok_or_else(|| Error::bad_input("is not GeoJSON: a list is missing"))
 }

@@ -84,6 +84,7 @@ impl ColorReliefOptions {
 
 impl Operation for ColorReliefOptions {
     const NAME: &'static str = "color-relief";
+    type Input = GridInput;
     const WRITES: Writes = Writes::Colours;
     type Report = ConvertReport;
 

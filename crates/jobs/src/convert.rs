@@ -90,6 +90,7 @@ const RULES: &[Rule] = &[
 
 impl Operation for ConvertOptions {
     const NAME: &'static str = "convert";
+    type Input = GridInput;
     const WRITES: Writes = Writes::Grid;
     type Report = ConvertReport;
 
@@ -139,7 +140,7 @@ impl ConvertJob {
         let ConvertOptions { file, written, sample_type, out_nodata, round, resources, .. } =
             self.options.clone();
         WriteOptions {
-            overwrite: file.overwrite,
+            overwrite: file.replacing.overwrite,
             creation: written.co,
             sample_type,
             nodata: out_nodata,
@@ -247,7 +248,7 @@ pub(crate) fn run_of(
 ) -> Result<ConvertReport> {
     let format = job.options.format(&job.output)?;
     format.check(&job.options.written.co)?;
-    terrane_files::atomic::refuse_existing(&job.output, job.options.file.overwrite)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
     let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format, held)?;
     let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };

@@ -9,30 +9,37 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Map, Value as Json};
-use terrane_options::{Options, Role, Table, check, fill, to_map};
+use terrane_options::{Options, Role, Table, changed, check, fill, to_map};
 
 use crate::colours::ColorReliefOptions;
 use crate::contour::ContourOptions;
 use crate::convert::ConvertOptions;
+use crate::grid::GridOptions;
 use crate::line::LineOptions;
-use crate::options::GridOutput;
+use crate::options::{CloudInput, FeatureInput, GridInput, GridOutput};
 use crate::outputs::not_among;
+use crate::plan::AnyPlan;
 use crate::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use crate::sift::Skipped;
 use crate::tiles::TilesOptions;
+use crate::translate::PointsOptions;
 use crate::{Cancel, Progress, Resources, Silent, memory};
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud as cloud;
 use terrane_raster::{self as raster, Inputs};
 use terrane_vector as vector;
 
 /// All operations that write a file, in the order of the help.
 pub const OPERATIONS: &[AnyOperation] = &[
     AnyOperation::of::<ConvertOptions>(),
+    AnyOperation::divisible::<GridOptions>(),
+    AnyOperation::divisible::<PointsOptions>(),
     AnyOperation::of::<ContourOptions>(),
     AnyOperation::of::<LineOptions>(),
-    AnyOperation::of::<TilesOptions>(),
+    AnyOperation::divisible::<TilesOptions>(),
     AnyOperation::of::<SlopeOptions>(),
     AnyOperation::of::<AspectOptions>(),
     AnyOperation::of::<HillshadeOptions>(),
@@ -57,6 +64,8 @@ pub trait Has<G> {
 pub enum Reads {
     /// A grid.
     Grid,
+    /// A cloud of points.
+    Cloud,
     /// Features: lines, polygons and points.
     Features,
 }
@@ -72,31 +81,78 @@ pub enum Writes {
     Lines,
     /// A folder of tiles.
     Tiles,
+    /// Points: a file, or a folder of files.
+    Points,
+}
+
+/// A group of options that says how what an operation reads is read.
+pub trait Input: Options + Clone {
+    /// What it is.
+    const READS: Reads;
+
+    /// The files that names stand for.
+    ///
+    /// # Errors
+    /// Folders and patterns without files.
+    fn files(names: &[String]) -> Result<Vec<String>>;
+}
+
+impl Input for GridInput {
+    const READS: Reads = Reads::Grid;
+
+    fn files(names: &[String]) -> Result<Vec<String>> {
+        raster::files(names)
+    }
+}
+
+impl Input for CloudInput {
+    const READS: Reads = Reads::Cloud;
+
+    fn files(names: &[String]) -> Result<Vec<String>> {
+        cloud::files(names)
+    }
+}
+
+impl Input for FeatureInput {
+    const READS: Reads = Reads::Features;
+
+    fn files(names: &[String]) -> Result<Vec<String>> {
+        vector::files(names)
+    }
 }
 
 /// What a run reads and writes, and who watches it.
 #[derive(Clone, Copy)]
 pub struct Request<'a> {
-    /// Files of the grid, or of features.
+    /// Files of the grid, of the cloud, or of features.
     pub inputs: &'a Inputs,
     /// File to write.
     pub output: &'a Path,
+    /// Files that were left out of the inputs, as they cannot be read.
+    pub skipped: &'a [Skipped],
     /// Who is told how far it is.
     pub progress: &'a dyn Progress,
     /// What may stop it.
     pub cancel: &'a Cancel,
 }
 
-/// Something that is made of a grid or of features: a struct of options.
-pub trait Operation: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> {
+/// Something that is made of a grid, a cloud or features: a struct of options.
+pub trait Operation:
+    Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> + Has<Self::Input>
+{
     /// Its name, which is that of its verb, with dashes.
     const NAME: &'static str;
-    /// What it reads.
-    const READS: Reads = Reads::Grid;
+    /// How what it reads is read.
+    type Input: Input;
     /// What it writes.
     const WRITES: Writes;
     /// What is told of a run.
     type Report: Serialize + Send;
+
+    /// True where the output is a folder.
+    fn is_folder(&self) -> bool {
+        Self::WRITES == Writes::Tiles
+    }
 
     /// What can be known to be wrong before the grid is opened, beside ranges and rules of the options.
     ///
@@ -109,6 +165,22 @@ pub trait Operation: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<
     /// # Errors
     /// Those of [`check`](Self::check); what is wrong with the grid, the output or the machine.
     fn run(&self, request: Request<'_>) -> Result<Self::Report>;
+}
+
+/// An operation that can be divided into tasks, for many nights or many machines.
+pub trait Divisible: Operation {
+    /// What a task has so many of, for people.
+    const TASK_SIZE: &'static str;
+    /// What is told of its plan.
+    type Status: Serialize;
+
+    /// Writes down the work in a folder, which is the request's output; each task has so many of what
+    /// [`TASK_SIZE`](Self::TASK_SIZE) says, or as many as make a fair piece of work.
+    ///
+    /// # Errors
+    /// Those of [`run`](Self::run) that are found before the work; options that cannot act in pieces; a folder that
+    /// holds another plan or other files.
+    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<Self::Status>;
 }
 
 /// An operation whose type does not matter any more.
@@ -127,7 +199,12 @@ pub struct AnyOperation {
     pub check: fn(&Map<String, Json>, &Path) -> Result<()>,
     /// Runs it with options by name, where how the grid is read is said already.
     pub run: fn(&Call<'_>) -> Result<Json>,
+    /// Plans it likewise, where it can be divided.
+    divide: Option<(Divide, &'static str)>,
 }
+
+/// Plans what a call says, in tasks of a size.
+type Divide = fn(&Call<'_>, Option<u32>) -> Result<()>;
 
 /// What a run is asked for.
 pub struct Call<'a> {
@@ -142,16 +219,68 @@ pub struct Call<'a> {
 impl AnyOperation {
     const fn of<O: Operation>() -> Self {
         let defaults = || to_map(&O::default());
-        let (reads, writes) = (O::READS, O::WRITES);
-        let (name, table) = (O::NAME, O::TABLE);
-        Self { name, table, reads, writes, defaults, check: check_options::<O>, run: run::<O> }
+        let (reads, writes) = (<O::Input as Input>::READS, O::WRITES);
+        let (name, table, divide) = (O::NAME, O::TABLE, None);
+        let (check, run) = (check_options::<O>, run::<O>);
+        Self { name, table, reads, writes, defaults, check, run, divide }
+    }
+
+    const fn divisible<O: Divisible>() -> Self {
+        Self { divide: Some((divide::<O>, O::TASK_SIZE)), ..Self::of::<O>() }
+    }
+
+    /// What a task of its plan has so many of, for people, where it can be divided.
+    pub fn task_size(&self) -> Option<&'static str> {
+        self.divide.map(|(_, of)| of)
+    }
+
+    /// Writes down the work in a folder, which is the output of the call.
+    ///
+    /// # Errors
+    /// An operation that cannot be divided; those of [`Job::plan`].
+    pub fn plan(&self, call: &Call<'_>, task_size: Option<u32>) -> Result<AnyPlan> {
+        let Some((divide, _)) = self.divide else {
+            return Err(Error::usage(format!("{} is not divided into tasks", self.name))
+                .remedy("run it as a whole"));
+        };
+        divide(call, task_size)?;
+        AnyPlan::open(call.request.output)
     }
 }
 
+impl Call<'_> {
+    /// All options.
+    fn options<O: Operation>(&self) -> Result<O> {
+        let mut given = self.reading.clone();
+        given.extend(self.options.clone());
+        fill(&given)
+    }
+}
+
+fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> Result<()> {
+    plan_of(&call.options::<O>()?, call.request, task_size)
+}
+
+/// Plans what options say, none of which is for runs alone.
+pub(crate) fn plan_of<O: Divisible>(
+    options: &O,
+    request: Request<'_>,
+    task_size: Option<u32>,
+) -> Result<()> {
+    let given = changed(options);
+    let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Run);
+    let mut of_runs = of_runs.filter(|field| Resources::TABLE.find(field.name).is_none());
+    if let Some(field) = of_runs.find(|field| given.contains_key(field.name)) {
+        let name = field.name;
+        return Err(Error::usage(format!("‹{name}› is for runs, and a plan runs nothing yet"))
+            .remedy(format!("leave ‹{name}› out")));
+    }
+    check(options)?;
+    options.plan(request, task_size).map(drop)
+}
+
 fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
-    let mut given = call.reading.clone();
-    given.extend(call.options.clone());
-    let options: O = fill(&given)?;
+    let options: O = call.options()?;
     check_all(&options, call.request)?;
     let report = options.run(call.request)?;
     serde_json::to_value(report)
@@ -170,12 +299,8 @@ fn check_all<O: Operation>(options: &O, request: Request<'_>) -> Result<()> {
     check(options)?;
     options.check(output)?;
     let names = inputs.names();
-    let files = match O::READS {
-        Reads::Grid => raster::files(names),
-        Reads::Features => vector::files(names),
-    };
     // What cannot be found is told of when it is opened.
-    let files = files.unwrap_or_else(|_| names.to_vec());
+    let files = O::Input::files(names).unwrap_or_else(|_| names.to_vec());
     not_among(&[files, read_beside(options)?].concat(), &[output])
 }
 
@@ -250,7 +375,7 @@ pub struct Job<'a, O> {
     held: PhantomData<&'a ()>,
 }
 
-impl<'a, O: Operation> Job<'a, O> {
+impl<'a, O: Options + Has<Resources>> Job<'a, O> {
     /// The operation on some files.
     pub fn new(inputs: Inputs, options: O) -> Self {
         let (progress, cancel) = (Box::new(Silent), Cancel::default());
@@ -283,20 +408,31 @@ impl<'a, O: Operation> Job<'a, O> {
         Self { cancel: by.clone(), ..self }
     }
 
-    /// Does the work and writes the file, within the memory allowed.
-    ///
-    /// # Errors
-    /// Options out of their range, or that do not go together; damage in the grid; too little memory; an output that
-    /// exists or cannot be written; cancelled.
-    pub fn write(mut self, path: impl Into<PathBuf>) -> Result<O::Report> {
-        let path = path.into();
+    /// Does something with the options and the rest of what was told.
+    pub(crate) fn with_request<T>(
+        mut self,
+        output: &Path,
+        act: impl FnOnce(&O, Request<'_>) -> Result<T>,
+    ) -> Result<T> {
         if let Some(memory) = &self.memory {
             Has::<Resources>::part_mut(&mut self.options).memory = memory.bytes()?;
         }
-        let Self { inputs, progress, cancel, .. } = &self;
-        let request = Request { inputs, output: &path, progress: &**progress, cancel };
-        check_all(&self.options, request)?;
-        self.options.run(request)
+        let Self { inputs, options, progress, cancel, .. } = &self;
+        act(options, Request { inputs, output, skipped: &[], progress: &**progress, cancel })
+    }
+}
+
+impl<O: Operation> Job<'_, O> {
+    /// Does the work and writes the file, within the memory allowed.
+    ///
+    /// # Errors
+    /// Options out of their range, or that do not go together; damage in the input; too little memory; an output that
+    /// exists or cannot be written; cancelled.
+    pub fn write(self, path: impl Into<PathBuf>) -> Result<O::Report> {
+        self.with_request(&path.into(), |options, request| {
+            check_all(options, request)?;
+            options.run(request)
+        })
     }
 }
 

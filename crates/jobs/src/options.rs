@@ -1,18 +1,25 @@
 //! Groups of options that several operations have, and how their values are written.
 
+use std::num::NonZeroU32;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use terrane_options::{Codec, Kind, Named, Options, Range, Rule};
 
+use crate::grid::{Canopy, GroundFrom};
 use crate::line::Length;
-use crate::memory;
 use crate::plan::as_text;
 use crate::transform::Transform;
+use crate::translate::{Assign, Classify, Overlap, Thin};
+use crate::{Resources, memory, reading};
+use terrane_base::attribute::Return;
 use terrane_base::geom::{metres_in, wkt};
 use terrane_base::registry;
+use terrane_cloud::{Condition, Filter, Flags, LasVersion, OpenOptions, PointFormat};
 use terrane_files::{name_of, path_of};
+use terrane_gridding::parse_list;
 use terrane_raster::SampleType;
 use terrane_resample::{RESAMPLINGS, Resampling};
 
@@ -43,6 +50,79 @@ pub struct GridInput {
     pub water: Option<String>,
 }
 
+/// Which points are read, and how
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Points", setters = group)]
+pub struct PointFilter {
+    /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
+    #[option(value = "CODES", alias = "classes")]
+    pub class: Vec<u8>,
+    /// Only this return of each pulse: first, last, only, or a number from 1
+    #[option(name = "return", alias = "returns", value = "WHICH", with = AsNumber)]
+    pub returns: Option<Return>,
+    /// Points that are marked as withheld, too
+    pub keep_withheld: bool,
+    /// No points with these marks
+    #[option(value = "MARKS", with = MarkName)]
+    pub drop_flag: Vec<Flags>,
+    /// Only points at these heights, the ends included
+    #[option(value = "LOW,HIGH", with = Interval)]
+    pub z_range: Option<[f64; 2]>,
+    /// Only points of which this is true, such as "intensity > 100 and point_source in (3, 7)": = != < <= > >= and in, and
+    /// or not, + - * / and parentheses, of numbers, attributes as of terrane grid ‹stat›, extra bytes (in double quotes
+    /// where their names have spaces), x, y and z. A missing value is neither equal nor unequal to any
+    #[option(name = "where", value = "CONDITION", with = AsFormula)]
+    pub condition: Option<Condition>,
+    /// Only every N-th point of each file
+    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64))]
+    pub every: Option<u32>,
+    /// The coordinate reference system of files that name none, such as EPSG:2154 or well-known text
+    #[option(value = "CRS", with = CrsText)]
+    pub crs: Option<String>,
+    /// Go on with the good part of damaged files; the points lost are counted
+    pub salvage: bool,
+}
+
+/// How clouds are read
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Points", setters = group)]
+pub struct CloudInput {
+    /// Only points within this box, its borders included
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds, no_setter)]
+    pub bounds: Option<[f64; 4]>,
+    /// Only points inside the polygons of a file of features, in the system of the cloud
+    #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads, no_setter)]
+    pub clip: Option<String>,
+    /// Which points.
+    #[option(flatten)]
+    pub points: PointFilter,
+}
+
+impl CloudInput {
+    /// How clouds are opened. Reads the polygons.
+    ///
+    /// # Errors
+    /// A file of polygons that cannot be read, or holds anything else; more edges than half of the memory holds.
+    pub fn options(&self, resources: &Resources) -> terrane_base::Result<OpenOptions> {
+        let PointFilter { class, returns, keep_withheld, z_range, condition, .. } = &self.points;
+        let polygon = self.clip.as_deref().map(|name| reading::polygon(name, resources));
+        let filter = Filter {
+            classes: (!class.is_empty()).then(|| class.clone()),
+            returns: *returns,
+            keep_withheld: *keep_withheld,
+            drop: self.points.drop_flag.iter().fold(Flags::default(), |all, flag| all.and(*flag)),
+            bounds: self.bounds,
+            polygon: polygon.transpose()?.map(Arc::new),
+            z_range: *z_range,
+            condition: condition.clone(),
+            every: self.points.every.and_then(NonZeroU32::new),
+        };
+        let (salvage, threads) = (self.points.salvage, resources.threads);
+        let crs = self.points.crs.as_deref().map(wkt::of_srs);
+        Ok(OpenOptions { filter, salvage, crs, threads, ..OpenOptions::default() })
+    }
+}
+
 /// How features are read
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(setters = group)]
@@ -52,6 +132,34 @@ pub struct FeatureInput {
     pub layer: Option<String>,
 }
 
+/// What is there already
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Output", setters = group)]
+pub struct Replacing {
+    /// Replace what exists
+    #[option(role = Run)]
+    pub overwrite: bool,
+}
+
+/// Where work is kept that may be killed
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Resources", setters = group, rules = OF_RESUMING)]
+pub struct Resuming {
+    /// Keep what is done in this folder, so that the same command goes on after it was killed; it can be removed when
+    /// the output is there
+    #[option(value = "FOLDER", with = FileName, role = Run)]
+    pub workdir: Option<PathBuf>,
+    /// Begin only where the disk has room for the results of tasks and the output
+    #[option(
+        default = true,
+        off = "Begin even where the disk seems to have too little room for the results of tasks and the output",
+        role = Run
+    )]
+    pub disk_check: bool,
+}
+
+const OF_RESUMING: &[Rule] = &[Rule::Needs("disk_check", &["workdir"])];
+
 /// A file that is written
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Output", setters = group)]
@@ -59,9 +167,9 @@ pub struct FileOutput {
     /// Format to write
     #[option(value = "NAME", short = 'f', default_text = "by the output's ending")]
     pub format: Option<String>,
-    /// Replace a file that exists
-    #[option(role = Run)]
-    pub overwrite: bool,
+    /// What is there already.
+    #[option(flatten)]
+    pub replacing: Replacing,
 }
 
 /// How a grid is written
@@ -182,6 +290,44 @@ impl Codec<[f64; 4]> for Bounds {
     }
 }
 
+/// `low,high`. Ends that are infinite are as far off as numbers go.
+pub struct Interval;
+
+impl Codec<[f64; 2]> for Interval {
+    const KIND: Kind = Kind::Numbers;
+
+    fn parse(text: &str) -> Result<[f64; 2], String> {
+        let end = |text: &str| text.trim().parse::<f64>().ok().filter(|end| !end.is_nan());
+        let ends = text.split_once(',').and_then(|(low, high)| Some([end(low)?, end(high)?]));
+        let ends = ends.filter(|[low, high]| low <= high);
+        let ends = ends.ok_or_else(|| "expected low,high with low <= high".to_owned())?;
+        Ok(ends.map(|end| end.clamp(f64::MIN, f64::MAX)))
+    }
+
+    fn json(value: &[f64; 2]) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// `x,y`.
+pub struct Place;
+
+impl Codec<[f64; 2]> for Place {
+    const KIND: Kind = Kind::Numbers;
+
+    fn parse(text: &str) -> Result<[f64; 2], String> {
+        let place = text.split_once(',').map(|(x, y)| (Finite::parse(x), Finite::parse(y)));
+        match place {
+            Some((Ok(x), Ok(y))) => Ok([x, y]),
+            _ => Err("expected x,y".to_owned()),
+        }
+    }
+
+    fn json(value: &[f64; 2]) -> Json {
+        value.as_slice().into()
+    }
+}
+
 /// `side`, or `width,height`.
 pub struct CellSize;
 
@@ -254,6 +400,96 @@ impl Codec<(String, String)> for KeyValue {
 
     fn json((key, value): &(String, String)) -> Json {
         format!("{key}={value}").into()
+    }
+}
+
+/// A value of a form of its own, by the text that it is written as.
+pub struct AsText;
+
+/// The same of one that may be a number.
+pub struct AsNumber;
+
+/// The same of a formula, which may begin with a sign.
+pub struct AsFormula;
+
+macro_rules! by_text {
+    ($codec:ident, $kind:expr, $($type:ty)*) => {$(
+        impl Codec<$type> for $codec {
+            const KIND: Kind = $kind;
+
+            fn parse(text: &str) -> Result<$type, String> {
+                text.parse::<$type>().map_err(|error| error.to_string())
+            }
+
+            fn json(value: &$type) -> Json {
+                value.to_string().into()
+            }
+        }
+    )*};
+}
+
+by_text!(AsText, Kind::Text, Canopy Classify GroundFrom);
+by_text!(AsFormula, Kind::Shaped("str"), Assign Condition);
+by_text!(AsNumber, Kind::Shaped("float | str"), LasVersion Overlap Return Thin);
+
+/// A point format of LAS, by its number.
+pub struct PointFormatNumber;
+
+impl Codec<PointFormat> for PointFormatNumber {
+    const KIND: Kind = Kind::Whole;
+
+    fn parse(text: &str) -> Result<PointFormat, String> {
+        let number =
+            text.trim().parse().map_err(|_| "expected a number from 0 to 10".to_owned())?;
+        PointFormat::new(number).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &PointFormat) -> Json {
+        value.number().into()
+    }
+}
+
+/// The name of a mark of points.
+pub struct MarkName;
+
+impl Codec<Flags> for MarkName {
+    const KIND: Kind = Kind::Choice(|| {
+        let about = |flag| match flag {
+            Flags::SYNTHETIC => "made by other means than measuring",
+            Flags::KEY => "a key point of a model, not to be thinned out",
+            Flags::WITHHELD => "to be left out",
+            _ => "in the overlap of flight lines",
+        };
+        let named = |(name, flag): (&'static str, Flags)| Named { name, about: about(flag) };
+        Flags::ALL.into_iter().map(named).collect()
+    });
+
+    fn parse(text: &str) -> Result<Flags, String> {
+        let found = Flags::ALL.into_iter().find(|(name, _)| *name == text.trim());
+        found.map(|(_, flag)| flag).ok_or_else(|| {
+            let names = Flags::ALL.map(|(name, _)| name).join(", ");
+            format!("expected one of {names}")
+        })
+    }
+
+    fn json(value: &Flags) -> Json {
+        let found = Flags::ALL.into_iter().find(|(_, flag)| flag == value);
+        found.map_or("", |(name, _)| name).into()
+    }
+}
+
+/// A list of statistics.
+pub struct StatisticList;
+
+impl Codec<String> for StatisticList {
+    const KIND: Kind = Kind::Shaped("str | Sequence[str]");
+
+    fn parse(text: &str) -> Result<String, String> {
+        parse_list(text).map(|_| text.to_owned()).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
     }
 }
 

@@ -8,6 +8,8 @@ use crate::beside::{self, Beside};
 use crate::options::GridInput;
 use crate::water;
 use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
+use terrane_cloud::Polygon;
 use terrane_raster::{Clip, ClipRings, OpenOptions};
 use terrane_vector::Feature;
 
@@ -48,28 +50,57 @@ impl GridInput {
     }
 }
 
+/// Polygons to clip a grid to.
 fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
-    let remedy = "simplify them with terrane simplify";
-    let mut file = Beside::open(name, "polygons", ClipRings::EDGE_BYTES, remedy)?;
     let mut rings = ClipRings::default();
-    let edges = file.each((resources.memory / 2, resources), |feature| add(feature, &mut rings))?;
+    let (path, crs) = rings_of(name, ("grid", ClipRings::EDGE_BYTES), resources, |feature| {
+        rings.begin_feature()?;
+        feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
+    })?;
+    Ok(Arc::new(Clip::new(rings, &path, crs)))
+}
+
+/// Polygons that the points of a cloud are within.
+///
+/// # Errors
+/// Those of the polygons that a grid is clipped to.
+pub(crate) fn polygon(name: &str, resources: &Resources) -> Result<Polygon> {
+    let mut rings = Vec::new();
+    let (path, crs) = rings_of(name, ("cloud", Polygon::EDGE_BYTES), resources, |feature| {
+        rings.extend(feature.geometry.parts().map(|ring| ring.xy.to_vec()));
+        Ok(())
+    })?;
+    Ok(Polygon::new(&rings).of_file(&path, crs))
+}
+
+/// Hands on all features of a file of polygons that something is clipped to; returns its path and system.
+fn rings_of(
+    name: &str,
+    (whole, edge_bytes): (&str, u64),
+    resources: &Resources,
+    mut add: impl FnMut(&Feature) -> Result<()>,
+) -> Result<(PathBuf, Crs)> {
+    let remedy = "simplify them with terrane simplify";
+    let mut file = Beside::open(name, "polygons", edge_bytes, remedy)?;
+    let edges = file.each((resources.memory / 2, resources), |feature| {
+        only_polygons(feature, whole)?;
+        add(feature)
+    })?;
     if edges == 0 {
         return Err(Error::bad_input("has no polygon")
             .in_file(&file.path)
             .remedy("name a file with the polygons to clip to"));
     }
-    Ok(Arc::new(Clip::new(rings, &file.path, file.source.layer().crs.clone())))
+    let crs = file.source.layer().crs.clone();
+    Ok((file.path, crs))
 }
 
-fn add(feature: &Feature, rings: &mut ClipRings) -> Result<()> {
-    let geometry = &feature.geometry;
-    if let Some(other) =
-        geometry.leaves().find(|leaf| !leaf.kind().is_polygons() && !leaf.is_empty())
-    {
-        let kind = other.kind().name();
-        return Err(Error::bad_input(format!("is a {kind}, and a grid is clipped to polygons"))
-            .remedy("take it out, or make a polygon of it"));
-    }
-    rings.begin_feature()?;
-    geometry.parts().try_for_each(|ring| rings.push(ring.xy))
+fn only_polygons(feature: &Feature, whole: &str) -> Result<()> {
+    let mut leaves = feature.geometry.leaves();
+    let Some(other) = leaves.find(|leaf| !leaf.kind().is_polygons() && !leaf.is_empty()) else {
+        return Ok(());
+    };
+    let kind = other.kind().name();
+    Err(Error::bad_input(format!("is a {kind}, and a {whole} is clipped to polygons"))
+        .remedy("take it out, or make a polygon of it"))
 }

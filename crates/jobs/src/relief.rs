@@ -84,7 +84,7 @@ struct Asked<'a> {
 /// # Errors
 /// Those of [`convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
 fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
-    let Request { inputs, output, progress, cancel } = request;
+    let Request { inputs, output, progress, cancel, .. } = request;
     let Asked { derivative, scale, common } = asked;
     let copy = common.copy(inputs, output);
     let picture = picture(&copy)?;

@@ -21,6 +21,8 @@ struct Said {
     default: Option<Expr>,
     /// The default in words.
     default_text: Option<LitStr>,
+    /// The value of an option that is named without one.
+    bare: Option<LitStr>,
     range: Option<Expr>,
     codec: Option<Path>,
     /// What `--no-NAME` does.
@@ -129,6 +131,7 @@ fn said(attributes: &[Attribute]) -> Result<Said> {
                 () if is("heading") => said.heading = Some(meta.value()?.parse()?),
                 () if is("default") => said.default = Some(meta.value()?.parse()?),
                 () if is("default_text") => said.default_text = Some(meta.value()?.parse()?),
+                () if is("bare") => said.bare = Some(meta.value()?.parse()?),
                 () if is("range") => said.range = Some(meta.value()?.parse()?),
                 () if is("with") => said.codec = Some(meta.value()?.parse()?),
                 () if is("off") => said.off = Some(meta.value()?.parse()?),
@@ -191,7 +194,7 @@ impl Parts {
         let (short, default_text) =
             (optional(said.short.as_ref()), optional(said.default_text.as_ref()));
         let (off, value) = (optional(said.off.as_ref()), optional(said.value.as_ref()));
-        let range = optional(said.range.as_ref());
+        let (range, bare) = (optional(said.range.as_ref()), optional(said.bare.as_ref()));
         let role = said.role.clone().unwrap_or_else(|| format_ident!("Result"));
         self.entries.push(quote!(::terrane_options::Entry::Field(::terrane_options::Field {
             name: #called,
@@ -203,6 +206,7 @@ impl Parts {
             positional: #positional,
             value: #value,
             default_text: #default_text,
+            bare: #bare,
             range: #range,
             role: ::terrane_options::Role::#role,
             kind: <#codec as ::terrane_options::Codec<#ty>>::KIND,

@@ -58,7 +58,7 @@ pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
     let several = match value {
         Json::Array(all) => match (field.shape, field.kind) {
             (Shape::Repeated, _) => all.iter().map(|value| one_of_several(field, value)).collect(),
-            (_, Kind::Numbers) if all.iter().all(Json::is_number) => {
+            (_, Kind::Numbers | Kind::Shaped(_)) => {
                 let texts: Option<Vec<_>> = all.iter().map(|value| text_of(field, value)).collect();
                 texts.map(|texts| vec![texts.join(",")])
             }
@@ -100,6 +100,7 @@ fn text_of(field: &Field, value: &Json) -> Option<String> {
             (!text.trim().parse().is_ok_and(f64::is_finite)).then(|| text.clone())
         }
         (Json::String(text), kind) if !matches!(kind, Kind::Flag) => Some(text.clone()),
+        (Json::Bool(true), _) if field.bare.is_some() => field.bare.map(str::to_owned),
         (Json::Bool(flag), Kind::Flag) => Some(flag.to_string()),
         (Json::Number(number), Kind::Whole) => Some(match number.as_f64() {
             Some(value) if number.is_f64() && value.fract() == 0.0 && value.abs() < 1e15 => {

@@ -40,6 +40,7 @@
 //! |---|---|
 //! | `value = "DEG"` | what stands for the value in help |
 //! | `default = 45.0`, `default_text = "all cores"` | the default, where it is not that of the type; how it is told where that depends on the machine or the data |
+//! | `bare = "auto"` | the value where the option is named without one |
 //! | `range = Range::POSITIVE` | least and largest value |
 //! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | the name where it cannot be that of the field, others, and a letter |
 //! | `with = PathName` | the [`Codec`] of the value, where it is not [`Plain`] |

@@ -105,10 +105,28 @@ impl Given {
         match (names, names.first().and_then(|name| self.table.find(name)).map(|own| own.kind)) {
             ([_], Some(Kind::Choice(choices))) => {
                 let choices: Vec<&str> = choices().iter().map(|own| own.name).collect();
-                format!("{} ({})", listed(names), choices.join(", "))
+                format!("{} ({})", self.listed(names), choices.join(", "))
             }
-            _ => listed(names),
+            _ => self.listed(names),
         }
+    }
+
+    /// `‹a›, ‹b› or ‹c›`; of a flag that is on, turning it off is what is given.
+    fn listed(&self, terms: &[&str]) -> String {
+        let named = |term: &&str| match self.table.find(term).and_then(|field| field.off) {
+            Some(_) => format!("‹{term}=false›"),
+            None => format!("‹{term}›"),
+        };
+        let names: Vec<String> = terms.iter().map(named).collect();
+        match names.split_last() {
+            Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+            _ => names.join(""),
+        }
+    }
+
+    fn together(&self, term: &str, other: &str) -> Error {
+        let [term, other] = [term, other].map(|term| self.listed(&[term]));
+        Error::usage(format!("{term} cannot be used with {other}")).remedy("leave one of them out")
     }
 
     fn check(&self, rule: &Rule) -> Result<()> {
@@ -117,21 +135,22 @@ impl Given {
                 let given: Vec<&str> = names.iter().copied().filter(|name| self.is(name)).collect();
                 match given.as_slice() {
                     [] => Err(Error::usage(format!("no {what} given"))
-                        .remedy(format!("pass {}", listed(names)))),
+                        .remedy(format!("pass {}", self.listed(names)))),
                     [_] => Ok(()),
-                    [first, second, ..] => Err(together(first, second)),
+                    [first, second, ..] => Err(self.together(first, second)),
                 }
             }
             Rule::NotWith(name, others) => match others.iter().find(|other| self.is(other)) {
-                Some(other) if self.is(name) => Err(together(name, other)),
+                Some(other) if self.is(name) => Err(self.together(name, other)),
                 _ => Ok(()),
             },
             Rule::Needs(name, others) => {
                 match !self.is(name) || others.iter().any(|o| self.is(o)) {
                     true => Ok(()),
                     false => {
-                        Err(Error::usage(format!("‹{name}› cannot act without {}", listed(others)))
-                            .remedy(format!("add {}, or leave ‹{name}› out", self.offered(others))))
+                        let (name, needed) = (self.listed(&[name]), self.listed(others));
+                        Err(Error::usage(format!("{name} cannot act without {needed}"))
+                            .remedy(format!("add {}, or leave {name} out", self.offered(others))))
                     }
                 }
             }
@@ -142,17 +161,4 @@ impl Given {
 /// A value as terms have it.
 fn text(value: &Json) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
-}
-
-fn together(name: &str, other: &str) -> Error {
-    Error::usage(format!("‹{name}› cannot be used with ‹{other}›")).remedy("leave one of them out")
-}
-
-/// `‹a›, ‹b› or ‹c›`.
-fn listed(names: &[&str]) -> String {
-    let names: Vec<String> = names.iter().map(|name| format!("‹{name}›")).collect();
-    match names.split_last() {
-        Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
-        _ => names.join(""),
-    }
 }

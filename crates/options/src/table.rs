@@ -121,6 +121,8 @@ pub struct Field {
     pub value: Option<&'static str>,
     /// The default in words.
     pub default_text: Option<&'static str>,
+    /// The value of an option that is named without one.
+    pub bare: Option<&'static str>,
     /// The values of numbers.
     pub range: Option<Range>,
     /// What it is to the engine.

@@ -91,7 +91,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
     ConvertJob::new(rule, grid).with(|options| {
-        options.file.overwrite = true;
+        options.file.replacing.overwrite = true;
         options.resources = resources.clone();
     })
 }

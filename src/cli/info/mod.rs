@@ -131,7 +131,7 @@ fn sift(files: &[String], args: &Args) -> Result<Sifted> {
     }
     let are_clouds = files.iter().map(|file| args.many.is_cloud(file));
     if are_clouds.collect::<Result<Vec<_>>>()?.contains(&true) {
-        let options = args.cloud.open_options(&resources)?;
+        let options = args.cloud.open_options(&args.grid, &resources)?;
         return args.many.take(files, Kind::Clouds(&options), &resources);
     }
     args.many.take(files, Kind::Grids(&args.grid.open_options(&resources)), &resources)
@@ -249,10 +249,10 @@ fn describe_cloud(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Facts> {
-    files.iter().try_for_each(|file| args.grid.refuse(file, "a point cloud"))?;
+    files.iter().try_for_each(|file| args.grid.refuse_cloud(file))?;
     let (resources, told) = (args.machine.resources(), told(files));
     let at = (files, told.as_str());
-    let options = args.many.reading(args.cloud.open_options(&resources)?);
+    let options = args.many.reading(args.cloud.open_options(&args.grid, &resources)?);
     // What is said of the points that were chosen only their counts tell.
     let asked = (args.stats || options.filter != Filter::default(), &args.picture);
     let facts = cloud::describe(at, options, asked, &resources, (progress, cancel))?;

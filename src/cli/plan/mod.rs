@@ -7,23 +7,28 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
+use terrane_options::check as check_options;
+
+use crate::cli::operation::{Source, take};
 use crate::cli::shared::many::Many;
+use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{self, Outcome, args, many, names, parse, system};
-use crate::cli::{grid, points, tiles, tin};
+use crate::cli::tin;
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::cloud_tin::CloudTinJob;
 use crate::jobs::cloud_tin::plan::plan_cloud_tin;
-use crate::jobs::grid::plan::plan_grid;
+use crate::jobs::grid::GridOptions;
+use crate::jobs::operation::{Divisible, Operation, Request};
 use crate::jobs::plan::PlanJob;
 use crate::jobs::sift::Sifted;
-use crate::jobs::tiles::{TilesJob, plan_tiles};
+use crate::jobs::tiles::TilesOptions;
 use crate::jobs::tin::{Goal, TinJob, plan_work};
-use crate::jobs::translate::plan::plan_points;
+use crate::jobs::translate::PointsOptions;
 use crate::jobs::{Cancel, Resources};
 use crate::mesh;
-use crate::raster::write;
+use crate::raster::Inputs;
 
 /// Write down the work on a large input as tasks, for `terrane run` here or on many machines
 #[derive(Clone, Debug, clap::Args)]
@@ -35,9 +40,13 @@ pub(crate) struct Args {
 #[derive(Clone, Debug, Subcommand)]
 enum What {
     Tin(Box<TinArgs>),
-    Grid(Box<GridArgs>),
-    Tiles(Box<TilesArgs>),
-    Points(Box<PointsArgs>),
+    /// Plan a grid of the points of clouds, of statistics or a model of the terrain; the same grid as that of `terrane
+    /// grid`
+    Grid(Box<Planned<GridOptions>>),
+    /// Plan terrain tiles of a grid for viewers of the globe; the same tiles as those of `terrane tiles`
+    Tiles(Box<Planned<TilesOptions>>),
+    /// Plan squares of the points of clouds; the same files as those of `terrane points --tile`
+    Points(Box<Planned<PointsOptions>>),
 }
 
 /// Plan a triangle mesh with a proven vertical error bound, of a grid or of the points of clouds; the same mesh as that
@@ -77,13 +86,10 @@ struct TinArgs {
     show: args::Show,
 }
 
-/// Plan a grid of the points of clouds, of statistics or a model of the terrain; the same grid as that of `terrane
-/// grid`
+/// Plan what an operation makes.
 #[derive(Clone, Debug, clap::Args)]
-struct GridArgs {
-    /// LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, a list or
-    /// a pattern in quotes are one cloud
-    #[arg(required = true, value_parser = names::any())]
+struct Planned<O: Divisible<Input: Source>> {
+    #[arg(help = O::Input::NAMES_PLANNED, required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
@@ -91,61 +97,31 @@ struct GridArgs {
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
-    model: grid::Model,
-    #[command(flatten)]
-    wanted: grid::Wanted,
-    /// Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it
-    /// [default: as many as have about 67 million points]
-    #[arg(long, value_name = "N", help_heading = "Method")]
-    tile: Option<u32>,
+    options: Tabled<O, true>,
+    #[arg(help = O::TASK_SIZE, long, alias = task_size_alias(O::NAME), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
+    task_size: Option<u32>,
     #[command(flatten)]
     show: args::Show,
 }
 
-/// Plan terrain tiles of a grid for viewers of the globe; the same tiles as those of `terrane tiles`
-#[derive(Clone, Debug, clap::Args)]
-struct TilesArgs {
-    /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in quotes are one
-    /// mosaic
-    #[arg(required = true, value_parser = names::any())]
-    input: Vec<String>,
-    /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
-    #[arg(short = 'o', long = "output", value_name = "FOLDER")]
-    folder: PathBuf,
-    #[command(flatten)]
-    many: many::Many,
-    #[command(flatten)]
-    grid: args::Grid,
-    #[command(flatten)]
-    wanted: tiles::Wanted,
-    /// Tiles in a task: regions of about a million samples, each made with all tiles in it, or larger ones [default:
-    /// 128]
-    #[arg(long, value_name = "N", help_heading = "Method")]
-    cut: Option<u32>,
-    #[command(flatten)]
-    show: args::Show,
+/// What the size of tasks was called.
+fn task_size_alias(operation: &str) -> &'static str {
+    if operation == GridOptions::NAME { "tile" } else { "cut" }
 }
 
-/// Plan squares of the points of clouds; the same files as those of `terrane points --tile`
-#[derive(Clone, Debug, clap::Args)]
-struct PointsArgs {
-    /// LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, a list or
-    /// a pattern in quotes are one cloud
-    #[arg(required = true, value_parser = names::any())]
-    input: Vec<String>,
-    /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
-    #[arg(short = 'o', long = "output", value_name = "FOLDER")]
-    folder: PathBuf,
-    #[command(flatten)]
-    many: many::Many,
-    #[command(flatten)]
-    wanted: points::Wanted,
-    /// Squares along the side of a task, which reads what lies near them [default: as many as have about 67 million
-    /// points]
-    #[arg(long, value_name = "N", help_heading = "Method")]
-    cut: Option<u32>,
-    #[command(flatten)]
-    show: args::Show,
+impl<O: Divisible<Input: Source>> Planned<O> {
+    fn run(&self, cancel: &Cancel, summary: fn(&O::Status) -> String) -> Result<Outcome> {
+        let mut options = self.options.0.clone();
+        check_options(&options)?;
+        let sifted = take(&mut options, self.input.clone(), &self.many)?;
+        let (inputs, skipped) = (Inputs::from(sifted.names), sifted.skipped.as_slice());
+        let (output, progress) = (self.folder.as_path(), self.show.progress());
+        let request =
+            Request { inputs: &inputs, output, skipped, progress: progress.as_ref(), cancel };
+        let report = options.plan(request, self.task_size)?;
+        self.show.tell(&report, || summary(&report))?;
+        Ok(Outcome::Kept)
+    }
 }
 
 impl Verb for Args {
@@ -168,63 +144,10 @@ impl Verb for Args {
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match &args.what {
         What::Tin(args) => plan_tin(args, cancel),
-        What::Grid(args) => plan_of_grid(args, cancel),
-        What::Tiles(args) => plan_of_tiles(args),
-        What::Points(args) => plan_of_points(args, cancel),
+        What::Grid(args) => args.run(cancel, status::grid_summary),
+        What::Tiles(args) => args.run(cancel, status::tiles_summary),
+        What::Points(args) => args.run(cancel, status::points_summary),
     }
-}
-
-fn plan_of_tiles(args: &TilesArgs) -> Result<Outcome> {
-    if args.many.are_clouds(&args.input)? {
-        return Err(Error::usage(
-            "tiles of a cloud are those of a model of its ground, which is planned first",
-        )
-        .in_file(&path_of(&args.input[0]))
-        .remedy("pass terrane plan grid with --dtm, run it, and plan the tiles of that grid"));
-    }
-    let resources = Resources::default();
-    let options = args.grid.open_options(&resources);
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
-    args.grid.check_all(&names)?;
-    let job = args.wanted.tiles.0.job(TilesJob {
-        reading: args.grid.reading(args.wanted.water.as_ref()),
-        resources,
-        ..TilesJob::new(names, args.folder.join("tiles"))
-    })?;
-    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
-    let report = plan_tiles(&plan)?;
-    args.show.tell(&report, || status::tiles_summary(&report))?;
-    Ok(Outcome::Kept)
-}
-
-fn plan_of_points(args: &PointsArgs, cancel: &Cancel) -> Result<Outcome> {
-    let resources = Resources::default();
-    let options = args.wanted.open_options(&resources)?;
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
-    let options = args.many.reading(options);
-    let job = args.wanted.job(names, options, &args.folder.join("points"), resources)?;
-    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
-    let report = plan_points(&plan, args.show.progress().as_ref(), cancel)?;
-    args.show.tell(&report, || status::points_summary(&report))?;
-    Ok(Outcome::Kept)
-}
-
-fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
-    let format = write::by_name(args.wanted.file.format.as_deref().unwrap_or("GTiff"))?;
-    args.wanted.check(format)?;
-    let resources = Resources::default();
-    let options = args.wanted.open_options(&resources)?;
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
-    let mut job = args.model.job(args.wanted.job(&names, resources)?)?;
-    job.cloud = args.many.reading(job.cloud);
-    job.output = args.folder.join("grid").with_extension(format.extensions[0]);
-    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.tile, skipped };
-    let report = plan_grid(&plan, args.show.progress().as_ref(), cancel)?;
-    args.show.tell(&report, || status::grid_summary(&report))?;
-    Ok(Outcome::Kept)
 }
 
 fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
@@ -254,7 +177,7 @@ fn plan_of_cloud(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
     let of_grids = of_grids.into_iter().chain(args.method.options_of_grids());
     tin::refuse_options(&args.input[0], of_grids, &args.grid)?;
     let resources = Resources::default();
-    let options = args.points.open_options(&resources)?;
+    let options = args.points.open_options(&args.grid, &resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let format = mesh::by_path(&args.folder, Some(&args.format))?;

@@ -151,7 +151,7 @@ fn tiles_summary(r: &crate::jobs::tiles::RunReport) -> String {
 
 fn points_summary(r: &PointsRun) -> String {
     let made = format!("{} points written", text::count(r.of.points));
-    told(r, &rows(r, made, None), r.of.written.as_ref().map(points::written_squares))
+    told(r, &rows(r, made, None), r.of.written.clone().map(points::by_plan))
 }
 
 fn cloud_summary(r: &CloudTinRun) -> String {

@@ -25,13 +25,13 @@ pub(crate) struct Grid {
     /// Stored value that means "no height", instead of the file's own
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan)]
     pub(crate) nodata: Option<f64>,
-    /// Part of the grid, in its coordinates, widened to whole cells (the square around each sample); of a mesh that
-    /// is shown, its own part
-    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true, value_parser = parse::bbox)]
-    pub(crate) bbox: Option<[f64; 4]>,
-    /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken
-    /// for voids; those on a border stay, and rings within a polygon are holes
-    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    /// Part of a grid, in its coordinates, widened to whole cells (the square around each sample); the points of a cloud
+    /// within this box, its borders included; of a mesh that is shown, its own part
+    #[arg(long, visible_alias = "bbox", value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true, value_parser = parse::bbox)]
+    pub(crate) bounds: Option<[f64; 4]>,
+    /// Polygons of a file of features, in the system of the grid or cloud: samples outside of all of them are taken
+    /// for voids; those on a border stay, and rings within a polygon are holes; points outside are left out
+    #[arg(long, visible_alias = "polygon", value_name = "FILE", value_parser = names::any())]
     pub(crate) clip: Option<String>,
 }
 
@@ -39,12 +39,12 @@ impl Grid {
     /// What is asked to be read, with the water of a file.
     pub(crate) fn reading(&self, water: Option<&String>) -> GridInput {
         let (band, clip) = (self.band.unwrap_or(1), self.clip.clone());
-        GridInput { band, nodata: self.nodata, bounds: self.bbox, clip, water: water.cloned() }
+        GridInput { band, nodata: self.nodata, bounds: self.bounds, clip, water: water.cloned() }
     }
 
     /// The same of all of the grid.
     pub(crate) fn whole(&self) -> Self {
-        Self { bbox: None, ..self.clone() }
+        Self { bounds: None, ..self.clone() }
     }
 
     /// The band, if it was named.
@@ -80,7 +80,7 @@ impl Grid {
     pub(crate) fn check(&self, input: &str) -> Result<()> {
         match self.given() {
             // A synthetic terrain has samples, too.
-            Some(option @ ("--clip" | "--bbox")) => only_grids(option, input),
+            Some(option @ ("--clip" | "--bounds")) => only_grids(option, input),
             Some(option) => only_grid_files(option, input),
             None => Ok(()),
         }
@@ -91,12 +91,22 @@ impl Grid {
         self.given().map_or(Ok(()), |option| Err(refusal(option, input, what)))
     }
 
+    /// Fails when an option was given that is about grids alone, because `input` is a point cloud.
+    pub(crate) fn refuse_cloud(&self, input: &str) -> Result<()> {
+        self.given_of_grids().map_or(Ok(()), |option| Err(refusal(option, input, "a point cloud")))
+    }
+
+    /// The first of these options that was given and is about grids alone.
+    pub(crate) fn given_of_grids(&self) -> Option<&'static str> {
+        self.given().filter(|option| !["--bounds", "--clip"].contains(option))
+    }
+
     /// The first of these options that was given.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let options = [
             ("--band", self.band.is_some()),
             ("--nodata", self.nodata.is_some()),
-            ("--bbox", self.bbox.is_some()),
+            ("--bounds", self.bounds.is_some()),
             ("--clip", self.clip.is_some()),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)

@@ -1,8 +1,10 @@
 //! Lists that the help of a verb ends in, taken from the registries.
 
+use crate::jobs::translate::KEPT;
 use crate::parameters::Parameter;
 use crate::{attribute, gridding, line, mesh, methods, raster, synth, vector};
 use terrane_ground::noise;
+use terrane_options::Table;
 
 /// The last list of verbs that can fail in every way.
 pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
@@ -39,7 +41,40 @@ pub(crate) fn features_written() -> String {
     list("Lines written, by --format or ending", &rows)
 }
 
-pub(crate) fn statistics() -> String {
+/// Makes a list.
+type List = fn() -> String;
+
+/// Lists of what values of some options may be.
+const OF_OPTIONS: &[(&str, List)] = &[
+    ("stat", statistics),
+    ("ground", grounds),
+    ("canopy", canopies),
+    ("classify", noises),
+    ("thin", thinned),
+];
+
+/// Those of the options of a table.
+pub(crate) fn of_options(table: &'static Table) -> impl Iterator<Item = String> {
+    let own = OF_OPTIONS.iter().filter(|(name, _)| table.find(name).is_some());
+    own.map(|(_, list)| list())
+}
+
+fn thinned() -> String {
+    let rows = KEPT.map(|(name, about)| (name, String::new(), about));
+    list("Which point of a square, as in ‹thin=2:lowest›", &rows)
+}
+
+pub(crate) fn clouds() -> String {
+    let rows = [
+        ("LAS", ".las".to_owned(), "1.0 to 1.5"),
+        ("LAZ", ".laz".to_owned(), "the same compressed, and COPC"),
+        ("text", "cloud:NAME".to_owned(), "a point in each line"),
+        ("synthetic", "synth:cloud,...".to_owned(), "a cloud by name"),
+    ];
+    list("Clouds read", &rows)
+}
+
+fn statistics() -> String {
     let row = |m: &gridding::Method| (m.name, other_names(m), m.about);
     let methods = list("Statistics", &gridding::METHODS.iter().map(row).collect::<Vec<_>>());
     let own = gridding::METHODS.iter().flat_map(|m| m.parameters.iter().map(move |p| (m, p)));
@@ -58,18 +93,18 @@ fn attributes() -> String {
     list("Attributes of points, beside the names of extra bytes", &rows)
 }
 
-pub(crate) fn grounds() -> String {
+fn grounds() -> String {
     let all = terrane_ground::METHODS;
     let rows = all.iter().map(|m| (m.name, m.source, m.about, m.parameters));
     with_parameters("--ground", "csf:rigidness=2,cloth=0.5", rows)
 }
 
-pub(crate) fn noises() -> String {
+fn noises() -> String {
     let rows = noise::METHODS.iter().map(|m| (m.name, m.source, m.about, m.parameters));
     with_parameters("--classify noise", "noise:statistical:k=12,m=3", rows)
 }
 
-pub(crate) fn canopies() -> String {
+fn canopies() -> String {
     let all = gridding::canopy::METHODS;
     let rows = all.iter().map(|m| (m.name, m.source, m.about, m.parameters));
     with_parameters("--canopy", "spike-free:freeze=1.5", rows)

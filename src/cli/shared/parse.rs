@@ -3,10 +3,7 @@
 use terrane_options::Codec;
 
 use crate::jobs::line::Length;
-use crate::jobs::options::{
-    Bounds, Bytes, CellSize, CrsText, Finite, FiniteOrNan, KeyValue, LengthText, SampleTypeName,
-};
-use crate::raster::SampleType;
+use crate::jobs::options::{Bounds, Bytes, CellSize, Finite, FiniteOrNan, LengthText};
 
 /// A value, or what was expected.
 type Parsed<T> = Result<T, String>;
@@ -74,24 +71,9 @@ pub(crate) fn altitude(text: &str) -> Parsed<f64> {
     value.ok_or_else(|| "expected degrees from 1 to 90".to_owned())
 }
 
-/// "KEY=VAL".
-pub(crate) fn key_value(text: &str) -> Parsed<(String, String)> {
-    KeyValue::parse(text)
-}
-
-/// The name of a sample type.
-pub(crate) fn sample_type(text: &str) -> Parsed<SampleType> {
-    SampleTypeName::parse(text)
-}
-
 /// "xmin,ymin,xmax,ymax".
 pub(crate) fn bbox(text: &str) -> Parsed<[f64; 4]> {
     Bounds::parse(text)
-}
-
-/// A system that is known by its code or text.
-pub(crate) fn crs(text: &str) -> Parsed<String> {
-    CrsText::parse(text)
 }
 
 #[cfg(test)]

@@ -7,20 +7,26 @@ use clap::builder::{
 };
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Command, ValueHint};
-use terrane_options::{Field, Kind, Options, Shape, set_texts, to_map};
+use terrane_options::{Field, Kind, Options, Role, Shape, set_texts, to_map};
 
 use crate::cli::shared::names;
 use crate::door::Door;
 
-/// Options within arguments of clap.
+/// Options within arguments of clap; of a plan those that say something of the result alone.
 #[derive(Clone, Debug)]
-pub(crate) struct Tabled<O>(pub(crate) O);
+pub(crate) struct Tabled<O, const PLANNED: bool = false>(pub(crate) O);
 
-impl<O: Options> clap::Args for Tabled<O> {
+/// The options that are given behind their names.
+fn fields<O: Options, const PLANNED: bool>() -> impl Iterator<Item = &'static Field> {
+    let fields = O::TABLE.fields().into_iter().filter(|field| !field.positional);
+    fields.filter(|field| !(PLANNED && field.role == Role::Run))
+}
+
+impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
     fn augment_args(command: Command) -> Command {
         let defaults = to_map(&O::default());
-        let fields = O::TABLE.fields().into_iter().filter(|field| !field.positional);
-        fields.fold(command, |command, field| command.arg(argument(field, &defaults[field.name])))
+        fields::<O, PLANNED>()
+            .fold(command, |command, field| command.arg(argument(field, &defaults[field.name])))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -28,10 +34,10 @@ impl<O: Options> clap::Args for Tabled<O> {
     }
 }
 
-impl<O: Options> clap::FromArgMatches for Tabled<O> {
+impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let mut options = O::default();
-        for field in O::TABLE.fields().into_iter().filter(|field| !field.positional) {
+        for field in fields::<O, PLANNED>() {
             let texts = given(field, matches);
             if !texts.is_empty() {
                 set_texts(&mut options, field, &texts).map_err(|error| {
@@ -79,8 +85,14 @@ fn argument(field: &'static Field, default: &serde_json::Value) -> Arg {
             Shape::One | Shape::Optional => ArgAction::Set,
         };
         let argument = argument.value_name(field.value.unwrap_or("VALUE")).action(action);
+        let argument = match field.bare {
+            Some(bare) => argument.num_args(0..=1).require_equals(true).default_missing_value(bare),
+            None => argument,
+        };
         return match (field.kind, field.shape) {
-            (Kind::Number, Shape::Repeated) => of_values(field, argument.value_delimiter(',')),
+            (Kind::Number | Kind::Whole | Kind::Choice(_), Shape::Repeated) => {
+                of_values(field, argument.value_delimiter(','))
+            }
             _ => of_values(field, argument),
         };
     };
@@ -146,7 +158,8 @@ fn help(field: &Field, default: &serde_json::Value) -> String {
         (None, _, Kind::Flag) | (None, Shape::Optional | Shape::Repeated, _) => return about,
         (None, Shape::One, _) if default == &serde_json::json!([]) => return about,
         (None, Shape::One, _) => {
-            default.as_str().map_or_else(|| default.to_string(), str::to_owned)
+            let whole = default.as_f64().map(|number| number.to_string());
+            whole.or(default.as_str().map(str::to_owned)).unwrap_or_else(|| default.to_string())
         }
     };
     format!("{about} [default: {default}]")

@@ -21,7 +21,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     refuse_grid_options(args)?;
     args.disk.check_workdir(args.workdir.as_deref())?;
     let resources = args.machine.resources();
-    let options = args.points.open_options(&resources)?;
+    let options = args.points.open_options(&args.grid, &resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, Kind::Clouds(&options), &resources)?;
     let args = &Args { input: names, ..args.clone() };
@@ -61,7 +61,7 @@ fn job(args: &Args) -> Result<CloudTinJob> {
     let files = clouds::files(&args.input)?;
     let format = mesh::by_path(&args.output, args.format.as_deref())?;
     let beside: Vec<String> = args.method.files().collect();
-    let read = [files, args.points.files()?, beside].concat();
+    let read = [files, args.grid.clip.clone().into_iter().collect(), beside].concat();
     check::not_among(&read, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.
     let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
@@ -77,7 +77,7 @@ fn job(args: &Args) -> Result<CloudTinJob> {
     let resources = args.machine.resources();
     Ok(CloudTinJob {
         inputs: args.input.clone(),
-        options: args.points.open_options(&resources)?,
+        options: args.points.open_options(&args.grid, &resources)?,
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
@@ -110,7 +110,7 @@ pub(crate) fn refuse_options(
     grid: &Grid,
 ) -> Result<()> {
     let given = options.find(|(_, given)| *given).map(|(option, _)| option);
-    let Some(option) = given.or(grid.given()) else { return Ok(()) };
+    let Some(option) = given.or(grid.given_of_grids()) else { return Ok(()) };
     Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
         .in_file(&path_of(input))
         .remedy(format!("leave {option} out")))

@@ -13,7 +13,7 @@ use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, OfCloud, verify_clo
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
-    let options = args.points.open_options(&resources)?;
+    let options = args.points.open_options(&args.grid, &resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
     let args = &Args { source: names, ..args.clone() };
@@ -39,13 +39,15 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
     }
     let mesh = vec![name_of(args.mesh.clone())?];
     let beside = args.keep_points.iter().chain(&args.breaklines).cloned().collect();
-    let read = [clouds::files(&args.source)?, args.points.files()?, beside, mesh].concat();
+    let read =
+        [clouds::files(&args.source)?, args.grid.clip.clone().into_iter().collect(), beside, mesh]
+            .concat();
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let resources = args.machine.resources();
     Ok(CloudVerifyJob {
         mesh: args.mesh.clone(),
         inputs: args.source.clone(),
-        options: args.points.open_options(&resources)?,
+        options: args.points.open_options(&args.grid, &resources)?,
         tolerance: args.max_error,
         keep_points: args.keep_points.clone(),
         breaklines: args.breaklines.clone(),

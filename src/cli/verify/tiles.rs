@@ -24,12 +24,12 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Against a model of the ground, made again.
 fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    args.grid.refuse(&args.source[0], "a point cloud")?;
+    args.grid.refuse_cloud(&args.source[0])?;
     let resources = args.machine.resources();
-    let options = args.points.open_options(&resources)?;
+    let options = args.points.open_options(&args.grid, &resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
-    let read = [cloud::files(&names)?, args.points.files()?].concat();
+    let read = [cloud::files(&names)?, args.grid.clip.clone().into_iter().collect()].concat();
     let job = job(args, read, Inputs::default())?;
     let model = args.ground.model(names, args.many.reading(options));
     let report = verify_tiles_of_cloud(&model, &job, args.show.progress().as_ref(), cancel)?;

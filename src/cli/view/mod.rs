@@ -159,7 +159,7 @@ fn inputs(
             .in_file(&path_of(&args.input[0]))
             .remedy("pass --html, or draw it from above with `terrane info --stats --picture`"));
     }
-    let options = args.cloud.open_options(resources)?;
+    let options = args.cloud.open_options(&args.grid, resources)?;
     let files = args.many.take(&args.input, many::Kind::Clouds(&options), resources)?;
     Ok((files, Some(args.many.reading(options))))
 }
@@ -184,7 +184,7 @@ fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewRep
         azimuth: args.azimuth.unwrap_or(AZIMUTH),
         altitude: args.altitude.unwrap_or(ALTITUDE),
         exaggeration: args.exaggeration,
-        bbox: args.grid.bbox,
+        bbox: args.grid.bounds,
         resources,
     };
     view::run(&job, args.show.progress().as_ref(), cancel)

@@ -58,7 +58,7 @@ pub(super) fn make(
         azimuth: args.azimuth.unwrap_or(AZIMUTH),
         altitude: args.altitude.unwrap_or(ALTITUDE),
         exaggeration: args.exaggeration,
-        bbox: args.grid.bbox,
+        bbox: args.grid.bounds,
         resources,
     };
     page::run(&job, args.show.progress().as_ref(), cancel)
@@ -84,13 +84,9 @@ fn refuse_for_lines(args: &Args) -> Result<()> {
 
 /// Fails when an option was given that does nothing for clouds.
 fn refuse_for_clouds(args: &Args) -> Result<()> {
-    if args.grid.bbox.is_some() {
-        return Err(Error::usage("--bbox is for grids and meshes, and this is a point cloud")
-            .remedy("pass --bounds in its place"));
-    }
     let layer = ("--layer", args.layer.is_some());
     let given: Vec<_> = of_surfaces(args).into_iter().chain([layer]).collect();
-    refuse_given("clouds", args.grid.given(), &given)
+    refuse_given("clouds", args.grid.given_of_grids(), &given)
 }
 
 /// Fails when an option about clouds was given, as the input is none.

@@ -6,7 +6,9 @@ use numpy::{Element, PyArray1, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use terrane::{Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TinBuilder};
+use terrane::{
+    Affine, ArrayGrid, ArraySample, Cancel, Crs, ErrorKind, Inputs, Progress, Rect, TinBuilder,
+};
 use terrane_base::door::Door;
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
@@ -108,7 +110,6 @@ macro_rules! with_system {
         builder
     }};
 }
-pub(crate) use with_system;
 
 /// The inputs that names stand for.
 pub(crate) fn inputs(mut names: Vec<PathBuf>) -> terrane::Result<Inputs> {
@@ -319,11 +320,30 @@ impl Grid {
         settings: Settings,
     ) -> PyResult<Bound<'py, PyAny>> {
         let operation = operation::named(operation)?;
-        let options = told(py, operation::options_of(operation, options)?)?;
+        let options = told(py, operation::options_of(operation.table, options)?)?;
         let report = run(py, settings, |machine| {
             self.0.run(operation, &path, &options, &machine.progress, &machine.cancel)
         })?;
         dictionary(py, &report)
+    }
+
+    /// Plans an operation by its name, with options by theirs.
+    fn plan(
+        &self,
+        py: Python<'_>,
+        operation: &str,
+        folder: PathBuf,
+        options: &Bound<'_, PyDict>,
+        task_size: Option<u32>,
+        settings: Settings,
+    ) -> PyResult<Plan> {
+        let operation = operation::named(operation)?;
+        let options = told(py, operation::options_of(operation.table, options)?)?;
+        let planned = run(py, settings, |machine| {
+            let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
+            self.0.plan(operation, &folder, &options, task_size, watched)
+        })?;
+        Ok(Plan(planned))
     }
 }
 

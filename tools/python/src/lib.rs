@@ -10,7 +10,6 @@ mod lines;
 mod mesh;
 mod operation;
 mod plan;
-mod points;
 mod report;
 mod work;
 

@@ -279,7 +279,7 @@ pub(crate) fn run_on_features<'py>(
     settings: Settings,
 ) -> PyResult<Bound<'py, PyAny>> {
     let operation = operation::named(operation)?;
-    let options = told(py, operation::options_of(operation, options)?)?;
+    let options = told(py, operation::options_of(operation.table, options)?)?;
     let report = run(py, settings, |machine| {
         let features = terrane::open_features(path)?;
         features.run(operation, &output, &options, &machine.progress, &machine.cancel)

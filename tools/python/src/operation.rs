@@ -8,7 +8,7 @@ use pyo3::types::{PyBool, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
 use terrane::{AnyOperation, Error, OPERATIONS, Reads};
 use terrane_files::name_of;
-use terrane_options::{Field, Kind, Shape};
+use terrane_options::{Field, Kind, Role, Shape, Table};
 
 use crate::error::told;
 use crate::report::dictionary;
@@ -26,31 +26,46 @@ pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
         let defaults = (operation.defaults)();
         let fields = operation.table.fields();
         let fields: Vec<Json> = fields.iter().map(|own| option(own, &defaults[own.name])).collect();
-        let of_grids = operation.reads == Reads::Grid;
+        let reads = match operation.reads {
+            Reads::Grid => "grid",
+            Reads::Cloud => "cloud",
+            Reads::Features => "features",
+        };
         let about = operation.table.about;
-        let told = json!({ "about": about, "of_grids": of_grids, "options": fields });
+        let told = json!({
+            "about": about, "reads": reads, "options": fields, "task_size": operation.task_size(),
+        });
         (operation.name.to_owned(), told)
     });
     dictionary(py, &told.collect::<Map<String, Json>>())
 }
 
+/// Options of runs that plans have, too.
+const OF_MACHINES: [&str; 3] = ["threads", "memory", "temp_dir"];
+
 fn option(field: &Field, default: &Json) -> Json {
     let is_several = matches!(field.shape, Shape::Repeated) || default.is_array();
     let default = if is_several || field.default_text.is_some() { &Json::Null } else { default };
     let mut ty = type_of(field.kind);
-    if matches!((field.shape, field.kind), (Shape::Repeated, Kind::Choice(_))) {
+    let is_alone = matches!(field.kind, Kind::Shaped(text) if text.contains('['));
+    if field.shape == Shape::Repeated && !is_alone {
         ty = format!("{ty} | Sequence[{ty}]");
+    }
+    if field.bare.is_some() {
+        ty = format!("bool | {ty}");
     }
     if default.is_null() && !field.positional {
         ty += " | None";
     }
     json!({
         "name": field.name,
+        "aliases": field.aliases,
         "about": field.about,
         "type": ty,
         "default": default,
         "default_text": field.default_text,
         "positional": field.positional,
+        "of_runs": field.role == Role::Run && !OF_MACHINES.contains(&field.name),
     })
 }
 
@@ -81,19 +96,19 @@ pub(crate) fn check_operation(
     path: PathBuf,
 ) -> PyResult<()> {
     let operation = named(operation)?;
-    let options = told(py, options_of(operation, options)?)?;
+    let options = told(py, options_of(operation.table, options)?)?;
     told(py, (operation.check)(&options, &path))
 }
 
 /// Options from keywords.
 pub(crate) fn options_of(
-    operation: &AnyOperation,
+    table: &'static Table,
     given: &Bound<'_, PyDict>,
 ) -> PyResult<terrane::Result<Map<String, Json>>> {
     let mut options = Map::new();
     for (name, value) in given {
         let name = name.cast::<PyString>()?.to_string_lossy().into_owned();
-        let Some(field) = operation.table.find(&name) else {
+        let Some(field) = table.find(&name) else {
             // Which is refused with the nearest one that there is.
             options.insert(name, true.into());
             continue;

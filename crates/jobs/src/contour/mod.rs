@@ -107,6 +107,7 @@ const RULES: &[Rule] = &[
 
 impl Operation for ContourOptions {
     const NAME: &'static str = "contour";
+    type Input = GridInput;
     const WRITES: Writes = Writes::Lines;
     type Report = ContourReport;
 
@@ -212,7 +213,7 @@ pub struct ContourReport {
 pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ContourReport> {
     let start = Instant::now();
     job.check()?;
-    terrane_files::atomic::refuse_existing(&job.output, job.options.file.overwrite)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
     let budget = Budget::divide(job)?;
     let cache_bytes = usize::try_from(budget.cache).unwrap_or(usize::MAX);
     let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
@@ -271,7 +272,7 @@ impl<'a> Work<'a> {
 
     fn sink(&self) -> Result<Box<dyn FeatureSink>> {
         let options = WriteOptions {
-            overwrite: self.job.options.file.overwrite,
+            overwrite: self.job.options.file.replacing.overwrite,
             temp_dir: self.job.options.resources.temp_dir.clone(),
             ..WriteOptions::default()
         };

@@ -1,6 +1,7 @@
 //! Which cells a grid has: from the cell size, the cloud's bounds, a box or another grid.
 
 use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
@@ -13,15 +14,15 @@ use terrane_raster::{self as raster, GridInfo};
 use super::GridJob;
 
 /// Whose conventions a grid follows, so that it can be compared cell by cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum Compat {
-    /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size.
+    /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size
     #[default]
     None,
-    /// Those of PDAL's writers.gdal: a corner at the lowest x and y of all points; every statistic
-    /// is of the points within the radius of a cell's centre.
+    /// those of PDAL's writers.gdal: a corner at the lowest x and y of all points; every statistic
+    /// is of the points within the radius of a cell's centre
     Pdal,
-    /// Those of lasR: cells [W, E) x (S, N], corners at multiples of the cell size.
+    /// those of lasR: cells [W, E) x (S, N], corners at multiples of the cell size
     Lasr,
 }
 
@@ -46,7 +47,8 @@ pub struct Placement {
     pub align: Option<[f64; 2]>,
     /// All cells that this box (x min, y min, x max, y max) overlaps; those of the cloud's bounds when
     /// `None`.
-    pub bbox: Option<[f64; 4]>,
+    #[serde(rename = "bbox")]
+    pub extent: Option<[f64; 4]>,
     /// The very cells of this grid.
     pub like: Option<String>,
     /// Whether the size was chosen by the density of points, which a note then tells.
@@ -75,8 +77,8 @@ impl Placement {
             }
             _ => {}
         }
-        if self.like.is_some() && (self.align.is_some() || self.bbox.is_some()) {
-            return refuse("‹like› says where all cells lie, beside ‹align› or ‹bbox›");
+        if self.like.is_some() && (self.align.is_some() || self.extent.is_some()) {
+            return refuse("‹like› says where all cells lie, beside ‹align› or ‹extent›");
         }
         if compat == Compat::Pdal && (self.align.is_some() || self.like.is_some()) {
             return refuse("PDAL's grids begin at the lowest point, beside ‹align› or ‹like›");
@@ -243,18 +245,18 @@ fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result
 
 /// A lattice of cells of the wanted size, and the cells of the cloud or the box.
 fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
-    let Placement { cell, align, bbox, .. } = &job.placement;
+    let Placement { cell, align, extent, .. } = &job.placement;
     let cell = cell.unwrap_or([1.0; 2]);
-    refuse_degrees(cell, bbox.or_else(|| world(cloud)), &cloud.crs)?;
+    refuse_degrees(cell, extent.or_else(|| world(cloud)), &cloud.crs)?;
     let lowest = || cloud.bounds.map(|[low, _]| cloud.frame.world(low)).map(|[x, y, _]| [x, y]);
     let anchor = match job.compat {
-        Compat::Pdal => bbox.map(|b| [b[0], b[1]]).or_else(lowest),
+        Compat::Pdal => extent.map(|b| [b[0], b[1]]).or_else(lowest),
         Compat::None | Compat::Lasr => *align,
     };
     let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
     let anchor = anchor.unwrap_or([0.0; 2]);
     let lattice = Lattice::new(&cloud.frame, anchor, cell, edges);
-    let spans = match (bbox, cloud.bounds) {
+    let spans = match (extent, cloud.bounds) {
         (Some([x0, y0, x1, y1]), _) => {
             let pdal = job.compat == Compat::Pdal;
             let span = |axis: usize, low: f64, high: f64| match pdal {
@@ -274,7 +276,7 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
             return Err(Error::bad_input(
                 "the cloud has no points, so nothing says where its grid lies",
             )
-            .remedy("give ‹bbox› or ‹like›"));
+            .remedy("give ‹extent› or ‹like›"));
         }
     };
     Ok((lattice, spans))
@@ -287,7 +289,7 @@ fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
     let count = ((high - HAIR).ceil() - first).max(1.0);
     if count > most {
         return Err(Error::limit("number of columns or rows", count, most)
-            .remedy("choose larger cells or a smaller ‹bbox›"));
+            .remedy("choose larger cells or a smaller ‹extent›"));
     }
     within_reach([first as i64, count as i64])
 }

@@ -10,6 +10,7 @@ mod level;
 mod make;
 mod near;
 mod neighbours;
+mod options;
 pub mod plan;
 pub(crate) mod preset;
 mod queue;
@@ -27,6 +28,7 @@ pub use extent::{Compat, Placement};
 use make::Maker;
 pub(crate) use near::{Near, near_steps};
 pub(crate) use neighbours::{Surfaces, WORKER, tiling};
+pub use options::GridOptions;
 pub(crate) use preset::GROUND;
 pub use preset::{GroundFrom, Preset};
 pub use report::{BandReport, GridReport, GridStage};
@@ -200,7 +202,7 @@ impl GridJob {
         let cell = self.placement.cell.unwrap_or_default();
         let recipe = Recipe::new(&self.stats, &self.rules(cell));
         if let (Some([x0, y0, x1, y1]), None, false) =
-            (self.placement.bbox, options.filter.bounds, recipe.triangulates())
+            (self.placement.extent, options.filter.bounds, recipe.triangulates())
         {
             let reach = recipe.reach();
             let [x, y] = cell.map(|side| reach + f64::from(self.fill + 2) * side);

@@ -7,7 +7,7 @@ use terrane_options::{Choice, Codec, Kind, Named, Options, Range, Rule};
 
 use super::{Goal, Length, LineJob, LineReport, Topology, method, run};
 use crate::Resources;
-use crate::operation::{Operation, Reads, Request, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{FeatureInput, FileName, FileOutput, FileSize, LengthText, Reprojection};
 use terrane_base::error::Result;
 use terrane_files::path_of;
@@ -164,7 +164,7 @@ impl LineOptions {
             collapse: self.collapse,
             decimals: self.decimals,
             transform: self.reprojection.transform(),
-            overwrite: self.file.overwrite,
+            overwrite: self.file.replacing.overwrite,
             resources: self.resources.clone(),
         })
     }
@@ -172,7 +172,7 @@ impl LineOptions {
 
 impl Operation for LineOptions {
     const NAME: &'static str = "simplify";
-    const READS: Reads = Reads::Features;
+    type Input = FeatureInput;
     const WRITES: Writes = Writes::Lines;
     type Report = LineReport;
 

@@ -8,6 +8,7 @@
 //! | `finished.json` | where the result is written, and its digest once it is there |
 //! | `lock` | held by whoever does all that is left in the folder |
 
+mod any;
 mod digest;
 mod files;
 mod folder;
@@ -26,6 +27,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
+pub use any::{Plan as AnyPlan, PlanRun, PlanStatus, RunOptions};
 pub use digest::Digest;
 pub(crate) use files::with_companions;
 pub(crate) use folder::Survey;

@@ -9,7 +9,7 @@ use terrane_options::{Options, Range, Rule};
 use super::{Asked, DerivativeOptions, run};
 use crate::convert::ConvertReport;
 use crate::operation::{Operation, Request, Writes};
-use crate::options::Finite;
+use crate::options::{Finite, GridInput};
 use terrane_base::error::Result;
 use terrane_raster::Inputs;
 use terrane_relief::{self as kernels, Gradient, Kind, Light, Measure};
@@ -19,6 +19,7 @@ macro_rules! derivative {
     ($options:ident, $name:literal, |$own:ident| $scale:expr, $kernel:expr) => {
         impl Operation for $options {
             const NAME: &'static str = $name;
+            type Input = GridInput;
             const WRITES: Writes = Writes::Grid;
             type Report = ConvertReport;
 

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use terrane_options::{Options, Range, check};
 
-use super::{Beyond, Format, TilesJob, TilesReport, run};
+use super::{Beyond, Format, PlanJob, StatusReport, TilesJob, TilesReport, plan_tiles, run};
 use crate::Resources;
-use crate::operation::{Operation, Request, Writes};
-use crate::options::{FileName, GridInput};
+use crate::operation::{Divisible, Operation, Request, Writes};
+use crate::options::{FileName, GridInput, Replacing};
 use terrane_base::error::Result;
+use terrane_raster::Inputs;
 
 /// What tiles hold
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
@@ -90,9 +91,9 @@ pub struct TilesOptions {
     /// What tiles hold.
     #[option(flatten)]
     pub tiles: TileOptions,
-    /// Replace a folder of tiles that exists
-    #[option(role = Run)]
-    pub overwrite: bool,
+    /// What is there already.
+    #[option(flatten)]
+    pub replacing: Replacing,
     /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
@@ -103,6 +104,7 @@ pub struct TilesOptions {
 
 impl Operation for TilesOptions {
     const NAME: &'static str = "tiles";
+    type Input = GridInput;
     const WRITES: Writes = Writes::Tiles;
     type Report = TilesReport;
 
@@ -111,12 +113,31 @@ impl Operation for TilesOptions {
     }
 
     fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let job = self.tiles.job(TilesJob {
-            reading: self.grid.clone(),
-            overwrite: self.overwrite,
-            resources: self.resources.clone(),
-            ..TilesJob::new(request.inputs.clone(), request.output)
-        })?;
+        let job = self.job(request.inputs, request.output)?;
         run(&job, request.progress, request.cancel)
+    }
+}
+
+impl TilesOptions {
+    fn job(&self, inputs: &Inputs, output: &Path) -> Result<TilesJob> {
+        self.tiles.job(TilesJob {
+            reading: self.grid.clone(),
+            overwrite: self.replacing.overwrite,
+            resources: self.resources.clone(),
+            ..TilesJob::new(inputs.clone(), output)
+        })
+    }
+}
+
+impl Divisible for TilesOptions {
+    const TASK_SIZE: &'static str = "Tiles in a task: regions of about a million samples, each made with all tiles in it, or \
+                                     larger ones [default: 128]";
+    type Status = StatusReport;
+
+    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
+        let Request { inputs, output: folder, skipped, .. } = request;
+        let job = self.job(inputs, &folder.join("tiles"))?;
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_tiles(&PlanJob { job, folder, cut: task_size, skipped })
     }
 }

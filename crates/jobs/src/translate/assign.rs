@@ -1,5 +1,6 @@
 //! Attributes of points that are given other values, by formulas of what is known of the point.
 
+use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
@@ -50,6 +51,12 @@ impl TryFrom<String> for Assign {
 impl From<Assign> for String {
     fn from(assign: Assign) -> Self {
         assign.text
+    }
+}
+
+impl fmt::Display for Assign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
     }
 }
 

@@ -15,6 +15,7 @@ mod discs;
 mod moved;
 mod noise;
 mod octree;
+mod options;
 mod overlap;
 pub mod plan;
 mod portion;
@@ -46,13 +47,15 @@ pub use assign::Assign;
 use assign::{Assigned, Assigning};
 use carried::CarriedRecords;
 use moved::{Move, MovedRecords};
+pub use options::{PointsOptions, TileFormat};
 use overlap::FlightLines;
 pub use overlap::Overlap;
+use plan::PointsWritten;
 use portion::Portion;
 use prepared::{Prepared, least, record_bytes, stored};
 use shares::Shares;
+pub use sorted::Sort;
 use sorted::Sorted;
-pub use sorted::{SORTS, Sort};
 pub use split::Split;
 use split::Values;
 pub use squares::{BufferMark, Squares};
@@ -138,8 +141,9 @@ pub struct TranslateReport {
     pub input: String,
     pub output: String,
     pub point_format: u8,
-    /// What became of the points that were read.
-    pub census: Census,
+    /// What became of the points that were read; of work that was kept it is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub census: Option<Census>,
     /// Files written.
     pub files: u64,
     /// Points written; those of buffers are so in several files.
@@ -151,8 +155,19 @@ pub struct TranslateReport {
     pub output_bytes: u64,
     #[serde(flatten)]
     pub run: Figures,
-    pub points_per_second: f64,
+    /// Points that were read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points_per_second: Option<f64>,
     pub notes: Vec<String>,
+}
+
+impl From<PointsWritten> for TranslateReport {
+    fn from(written: PointsWritten) -> Self {
+        let PointsWritten { input, output, point_format, files, points, crs, output_bytes, notes } =
+            written;
+        let usual = Self::default();
+        Self { input, output, point_format, files, points, crs, output_bytes, notes, ..usual }
+    }
 }
 
 /// Lines that a thread makes at a time.

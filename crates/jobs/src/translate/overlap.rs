@@ -1,5 +1,8 @@
 //! Choices where flight lines overlap: in each cell the points of one of them.
 
+use std::fmt;
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
 use crate::cloud_picture::round_side;
@@ -15,6 +18,31 @@ pub struct Overlap {
     /// Side of the cells, in units of x and y, corners at its multiples; twice the spacing of points when `None`,
     /// rounded up to 1, 2 or 5 times a power of ten.
     pub cell: Option<f64>,
+}
+
+/// Stands for cells whose size follows from the spacing of points.
+const AUTO: &str = "auto";
+
+impl FromStr for Overlap {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let cell = text.trim().parse().ok().filter(|side: &f64| *side > 0.0 && side.is_finite());
+        match (text, cell) {
+            (AUTO, _) => Ok(Self::default()),
+            (_, Some(_)) => Ok(Self { cell }),
+            (_, None) => Err("expected a number above zero".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for Overlap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.cell {
+            None => f.write_str(AUTO),
+            Some(side) => side.fmt(f),
+        }
+    }
 }
 
 impl Overlap {

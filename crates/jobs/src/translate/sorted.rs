@@ -2,12 +2,11 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::fmt;
 use std::path::Path;
-use std::str::FromStr;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
 
 use super::total;
 use crate::plan::At;
@@ -18,43 +17,13 @@ use terrane_cloud::PointFormat;
 use terrane_files::{Extent, Spool};
 
 /// An order of points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sort {
-    /// Along a curve that visits squares of the plane one after the other, and the four parts of each (z-order).
+    /// along the z-order curve of x and y: points near to each other come together; then by z and time
     Morton,
-    /// By time.
+    /// by time
     Time,
-}
-
-/// The names of orders, and what they are.
-pub const SORTS: [(&str, &str); 2] = [
-    (
-        "morton",
-        "along the z-order curve of x and y: points near to each other come together; then by z and time",
-    ),
-    ("time", "by time"),
-];
-
-impl FromStr for Sort {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "morton" => Ok(Self::Morton),
-            "time" => Ok(Self::Time),
-            _ => Err(format!("{text} is none of {}", SORTS.map(|(name, _)| name).join(", "))),
-        }
-    }
-}
-
-impl fmt::Display for Sort {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Morton => SORTS[0].0,
-            Self::Time => SORTS[1].0,
-        })
-    }
 }
 
 /// What records are sorted by; of equal ones the first comes first.
@@ -353,11 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn orders_are_read_as_they_are_written() {
-        for (name, _) in SORTS {
-            assert_eq!(name.parse::<Sort>().unwrap().to_string(), name);
-        }
-        assert!("z".parse::<Sort>().is_err());
+    fn points_without_times_are_not_sorted_by_time() {
         assert!(check(Sort::Time, PointFormat::new(2).unwrap()).is_err());
     }
 }

@@ -1,10 +1,9 @@
 //! Records into a folder of files, one for each square of the plane that has points.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
 
 use super::Made;
 use super::portion::Spans;
@@ -37,12 +36,12 @@ pub struct Squares {
 }
 
 /// How points of a buffer are marked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum BufferMark {
-    /// As withheld: they are left out by whoever does not ask for them.
+    /// as withheld: they are left out by whoever does not ask for them
     #[default]
     Withheld,
-    /// As synthetic.
+    /// as synthetic
     Synthetic,
 }
 
@@ -52,27 +51,6 @@ impl BufferMark {
             Self::Withheld => Flags::WITHHELD,
             Self::Synthetic => Flags::SYNTHETIC,
         }
-    }
-}
-
-impl FromStr for BufferMark {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "withheld" => Ok(Self::Withheld),
-            "synthetic" => Ok(Self::Synthetic),
-            _ => Err("expected withheld or synthetic".to_owned()),
-        }
-    }
-}
-
-impl fmt::Display for BufferMark {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Withheld => "withheld",
-            Self::Synthetic => "synthetic",
-        })
     }
 }
 

@@ -13,6 +13,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
 
 use crate::grid::preset::{Metres, NOISE, square_bytes};
 use crate::grid::{GroundFrom, WORKER};
@@ -27,11 +28,11 @@ pub use reclassify::Reclassify;
 pub(super) use told::Told;
 
 /// Where the height of a point above the ground goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum HeightsAs {
-    /// Into the dimension `HeightAboveGround` of its extra bytes, in steps of z.
+    /// into the dimension HeightAboveGround of its extra bytes, in steps of z
     Dimension,
-    /// Into its z; points that have no ground under them are left out.
+    /// into its z; points that have no ground under them are left out
     Z,
 }
 
