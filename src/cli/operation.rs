@@ -83,19 +83,20 @@ pub(super) fn take<O: Operation<Input: Source>>(
     input: Vec<String>,
     many: &Many,
 ) -> Result<Sifted> {
-    let opening = opening(options, many)?;
-    let input = many.find(&input, opening.kind())?;
     let reading: &O::Input = options.part();
+    let opening = reading.opening(options.part())?;
+    let input = many.find(&input, opening.kind())?;
     input.iter().try_for_each(|name| reading.check(name, many))?;
-    many.sift(input, opening.kind(), options.part())
+    let sifted = many.sift(input, opening.kind(), options.part())?;
+    skip_bad(options, many);
+    Ok(sifted)
 }
 
-/// How files are opened; from here on damage is passed over where bad files are skipped.
-fn opening<O: Operation<Input: Source>>(options: &mut O, many: &Many) -> Result<Opening> {
+/// Passes over damage where bad files are skipped, once these are sifted out.
+fn skip_bad<O: Operation<Input: Source>>(options: &mut O, many: &Many) {
     if many.skip_bad {
         Has::<O::Input>::part_mut(options).skip_bad();
     }
-    Has::<O::Input>::part(options).opening(options.part())
 }
 
 /// How files are opened.
@@ -251,9 +252,9 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
         let mut input = self.input.clone();
         take_positional(&mut options, &mut input)?;
         check_options(&options)?;
-        let opening = opening(&mut options, &self.many)?;
         let reading = O::Input::clone(options.part());
         let resources = Resources::clone(options.part());
+        let opening = reading.opening(&resources)?;
         let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
         let mut output = self.output.clone();
         let stdout = match O::WRITES {
@@ -269,6 +270,7 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
         self.check_files(&options, &input, &output)?;
         stdin.gather(&mut input, call.cancel)?;
         let Sifted { names, skipped } = self.many.sift(input, opening.kind(), &resources)?;
+        skip_bad(&mut options, &self.many);
         let are_made = names.iter().all(|name| is_made(name));
         let inputs = stdin.inputs(names);
         let (progress, cancel) = (self.show.progress(), call.cancel);

@@ -81,11 +81,12 @@ fn boxes_that_cannot_be_are_refused() {
             2,
             &["no cell lies inside", "the grid covers"],
         );
-        place.fails(&[verb, &["--bbox", "1,2,3"]].concat(), 2, &["--bbox"]);
+        place.fails(&[verb, &["--bbox", "1,2,3"]].concat(), 2, &["--bounds"]);
     }
-    for not in
-        [&["tin", "c.laz", "o.ply", "--max-error", "1"][..], &["info", "c.laz"], &["info", "m.ply"]]
-    {
-        place.fails(&[not, &["--bbox", BOX]].concat(), 2, &["--bbox"]);
+    place.fails(&["info", "m.ply", "--bbox", BOX], 2, &["--bounds"]);
+    let tin = ["tin", "c.laz", "--max-error", "1"];
+    for (name, option) in [("a.ply", "--bounds"), ("b.ply", "--bbox")] {
+        place.ok(&[&tin[..], &[option, "500010,4750010,500050,4750040", name, "-q"]].concat());
     }
+    assert!(place.bytes("a.ply") == place.bytes("b.ply"));
 }

@@ -90,7 +90,7 @@ fn what_cannot_be_is_refused_by_name() {
         ("points a.laz x.laz --drop-overlap=-1", 2, "--drop-overlap"),
         ("points a.laz x.laz --drop-overlap=0.001", 2, "smaller than a step"),
         ("points a.laz x.copc.laz --sort morton", 2, "an octree has an order of its own"),
-        ("points a.laz x.laz --sort hilbert", 2, "none of morton, time"),
+        ("points a.laz x.laz --sort hilbert", 2, "possible values: morton, time"),
         ("points a.laz x.laz --point-format 0 --sort time", 2, "point format 0 has no times"),
         ("points a.laz x.laz --attribute z=1", 2, "no attribute"),
         ("points a.laz x.laz --attribute red=1", 2, "have no attribute \"red\""),

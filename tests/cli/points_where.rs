@@ -361,3 +361,74 @@ fn info_counts_the_points_that_are_chosen() {
     let (kept, density) = told(&["--bounds", "500000,0,500050,9000000"]);
     assert!(kept.is_some() && (0.7 * all..1.3 * all).contains(&density), "{density} of {all}");
 }
+
+#[test]
+fn points_within_polygons_are_the_same_whatever_the_format_of_these() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=60,density=4,seed=5", "cloud.laz", "-q"]);
+    let ring = "500010 4750010, 500050 4750012, 500048 4750052, 500010 4750010";
+    let hole = "500030 4750020, 500036 4750020, 500036 4750026, 500030 4750020";
+    let other = "500002 4750040, 500012 4750040, 500012 4750058, 500002 4750040";
+    place.write("areas.wkt", format!("MULTIPOLYGON ((({ring}), ({hole})), (({other})))\n"));
+    place.write("areas.prj", "EPSG:32631");
+    let plain = "500 4750000, 501 4750000, 501 4750001, 500 4750000";
+    place.write("far.wkt", format!("POLYGON (({plain}))\n")).write("far.prj", "EPSG:32632");
+    place.write("line.wkt", "LINESTRING (0 0, 1 1)\n").write("none.wkt", "");
+    for name in ["b.geojson", "c.fgb", "d.shp"] {
+        place.ok(&["simplify", "areas.wkt", name, "--tolerance", "0", "-q"]);
+    }
+    place.ok(&["points", "cloud.laz", "whole.csv", "--clip", "areas.wkt", "-q"]);
+    let text = String::from_utf8(place.bytes("whole.csv")).unwrap();
+    // In whole centimetres, which points have.
+    let inside = |place: [f64; 2]| {
+        let [x, y] =
+            [place[0] - 500_000.0, place[1] - 4_750_000.0].map(|c| (100.0 * c).round() as i64);
+        let within = |corners: &[[i64; 2]]| {
+            let next = corners.iter().cycle().skip(1);
+            let crossed = corners.iter().zip(next).filter(|(a, b)| {
+                let ([ax, ay], [bx, by]) = if a[1] < b[1] { (**a, **b) } else { (**b, **a) };
+                ay <= y && y < by && (bx - ax) * (y - ay) > (by - ay) * (x - ax)
+            });
+            crossed.count() % 2 == 1
+        };
+        let ring = [[1000, 1000], [5000, 1200], [4800, 5200]];
+        let hole = [[3000, 2000], [3600, 2000], [3600, 2600]];
+        let other = [[200, 4000], [1200, 4000], [1200, 5800]];
+        within(&ring) && !within(&hole) || within(&other)
+    };
+    let places = |text: &str| -> Vec<[f64; 2]> {
+        let place = |line: &str| {
+            let mut columns = line.split(',').map(|number| number.parse().unwrap());
+            [columns.next().unwrap(), columns.next().unwrap()]
+        };
+        text.lines().skip(1).map(place).collect()
+    };
+    let kept = places(&text);
+    place.ok(&["points", "cloud.laz", "all.csv", "-q"]);
+    let all = places(&String::from_utf8(place.bytes("all.csv")).unwrap());
+    assert!(kept.len() > 1000 && kept.iter().all(|place| inside(*place)), "{}", kept.len());
+    assert_eq!(all.iter().filter(|place| inside(**place)).count(), kept.len());
+    for name in ["b.geojson", "c.fgb", "d.shp"] {
+        for option in ["--clip", "--polygon"] {
+            let args = ["points", "cloud.laz", "part.csv", option, name, "--overwrite", "-q"];
+            place.ok(&args);
+            assert!(place.bytes("part.csv") == text.as_bytes(), "{name}");
+        }
+    }
+    for (name, told) in [
+        ("far.wkt", "EPSG:32632"),
+        ("line.wkt", "is a LineString"),
+        ("none.wkt", "is empty"),
+        ("gone.wkt", "no such file"),
+    ] {
+        for verb in [
+            &["points", "cloud.laz", "a.laz"][..],
+            &["grid", "cloud.laz", "a.tif", "--cell", "2"],
+            &["tin", "cloud.laz", "a.ply", "--max-error", "1"],
+            &["info", "cloud.laz", "--stats"],
+            &["plan", "grid", "cloud.laz", "-o", "work", "--cell", "2"],
+        ] {
+            place.fails(&[verb, &["--clip", name]].concat(), 65, &[name, told]);
+        }
+    }
+}

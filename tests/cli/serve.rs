@@ -337,7 +337,7 @@ fn what_cannot_be_served_is_refused_by_name() {
     place.fails(&["view", "set", "-o", "a.png"], 2, &["set", "--serve"]);
     place.fails(&["view", "set", "--html", "a.html"], 2, &["set", "--serve"]);
     for option in
-        [&["--insertion"][..], &["--bbox", "0,0,1,1"], &["--band", "1"], &["--layer", "a"]]
+        [&["--insertion"][..], &["--bounds", "0,0,1,1"], &["--band", "1"], &["--layer", "a"]]
     {
         place.fails(&[&["view", "set", "--serve"], option].concat(), 2, &[option[0], "tiles"]);
     }

@@ -110,10 +110,14 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
         place.fails(&[&["tiles", CLOUD, "t"], more].concat(), 2, words);
     };
     tiles(&["--band", "2"], &["--band", "a point cloud"]);
-    tiles(&["--bbox", "0,0,1,1"], &["--bbox", "a point cloud"]);
-    tiles(&["--clip", "areas.wkt"], &["--clip", "a point cloud"]);
+    tiles(&["--band", "2"], &["--band", "a point cloud"]);
+    tiles(&["--nodata", "0"], &["--nodata", "a point cloud"]);
     tiles(&["--meshopt"], &["3D Tiles"]);
-    place.fails(&["plan", "tiles", CLOUD, "-o", "work"], 2, &["planned first", "plan grid"]);
+    place.fails(
+        &["plan", "tiles", CLOUD, "-o", "work"],
+        2,
+        &["make a grid of it first", "plan grid"],
+    );
     place.write("g.asc", cli_support::GRID).write("g.prj", "EPSG:32631");
     place.fails(&["tiles", "g.asc", "t", "--cell", "1"], 2, &["--cell", "g.asc"]);
     place.fails(&["tiles", "g.asc", "t", "--class", "2"], 2, &["--class is for point clouds"]);

@@ -76,7 +76,12 @@ impl Door {
     /// An option alone: its name, or `name=value`.
     fn option(self, option: &str) -> String {
         let (name, value) = option.split_once('=').unzip();
-        let name = name.unwrap_or(option);
+        let name = match (self, name.unwrap_or(option)) {
+            // Words of the language have another name there.
+            (Self::Python, "class") => "classes",
+            (Self::Python, "return") => "returns",
+            (_, name) => name,
+        };
         match (self, value) {
             (Self::CommandLine, Some("false")) => format!("--no-{}", name.replace('_', "-")),
             (Self::CommandLine, None | Some("true")) => format!("--{}", name.replace('_', "-")),

@@ -130,7 +130,7 @@ fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
         bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
     if apart {
         let [west, south, east, north] = data;
-        return Err(Error::usage("‹bbox› lies outside the data")
+        return Err(Error::usage("‹bounds› lies outside the data")
             .in_file(Path::new(&job.input.to_string()))
             .remedy(format!("the data reach from {west},{south} to {east},{north}")));
     }

@@ -58,7 +58,7 @@ pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
     let several = match value {
         Json::Array(all) => match (field.shape, field.kind) {
             (Shape::Repeated, _) => all.iter().map(|value| one_of_several(field, value)).collect(),
-            (_, Kind::Numbers | Kind::Shaped(_)) => {
+            (_, kind) if is_list(kind) => {
                 let texts: Option<Vec<_>> = all.iter().map(|value| text_of(field, value)).collect();
                 texts.map(|texts| vec![texts.join(",")])
             }
@@ -70,6 +70,15 @@ pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
         _ => text_of(field, value).map(|text| vec![text]),
     };
     several.ok_or_else(|| wrong(field, value))
+}
+
+/// True where a list is one value, with commas between its parts.
+fn is_list(kind: Kind) -> bool {
+    match kind {
+        Kind::Numbers => true,
+        Kind::Shaped(of) => of.contains("Sequence"),
+        _ => false,
+    }
 }
 
 /// Of a list: a value, or a pair of a key and a value.

@@ -32,8 +32,9 @@ def test_every_option_has_a_keyword_and_a_line(name: str) -> None:
     function = getattr(terrane, _operations.called(name))
     keywords = inspect.signature(function).parameters
     for option in _operations.tables()[name]["options"]:
-        assert option["name"] in keywords, option
-        assert f"\n{option['name']}\n    " in function.__doc__, option
+        name = _operations.keyword_of(option)
+        assert name in keywords, option
+        assert f"\n{name}\n    " in function.__doc__, option
     assert not re.search("--[a-z]|‹", function.__doc__)
 
 

@@ -15,7 +15,7 @@ DEM = "synth:rough,size=300"
 
 def test_a_plan_makes_what_is_made_at_once(tmp_path: Path) -> None:
     terrane.write_tin(DEM, tmp_path / "at once.ply", 5.0, tile=64)
-    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
+    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, task_size=1)
     status = plan.status()
     assert status["done"] == 0
     assert len(status["to_do"]) > 3
@@ -33,7 +33,7 @@ def test_a_plan_makes_what_is_made_at_once(tmp_path: Path) -> None:
 
 def test_grids_are_planned(tmp_path: Path) -> None:
     cloud = "synth:cloud,size=300,density=1"
-    plan = terrane.plan(cloud, tmp_path / "work", cell=0.5, stat="mean", cut=256)
+    plan = terrane.plan_grid(cloud, tmp_path / "work", cell=0.5, stat="mean", task_size=256)
     plan.run(output=tmp_path / "grid.tif")
     expected = terrane.grid(cloud, 0.5)
     expected.write(tmp_path / "at once.tif")
@@ -44,20 +44,20 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
     with pytest.raises(terrane.Error, match="memory of one process"):
         terrane.plan(heights, tmp_path / "work", 5.0)
     with pytest.raises(terrane.Error, match="memory of one process"):
-        terrane.plan(np.zeros((9, 3)), tmp_path / "work", cell=1.0)
+        terrane.plan_grid(np.zeros((9, 3)), tmp_path / "work", cell=1.0)
     with pytest.raises(terrane.Error, match="nothing to reach"):
         terrane.plan(DEM, tmp_path / "work")
-    with pytest.raises(terrane.Error, match="one of them"):
-        terrane.plan(DEM, tmp_path / "work", 5.0, cell=1.0)
-    for option in ({"fit": True}, {"clip": "area.wkt"}, {"tile": 64}, {"bound": "surface"}):
-        with pytest.raises(terrane.Error, match=f"{min(option)} is an option of a mesh"):
-            terrane.plan("synth:cloud,size=50", tmp_path / "work", cell=1.0, **option)
-    for option in ({"stat": "max"}, {"classes": [2]}, {"bounds": (0, 0, 1, 1)}):
-        with pytest.raises(terrane.Error, match=f"{min(option)} is an option of a grid"):
+    for option in ({"cell": 1.0}, {"stat": "max"}, {"overwrite": True}):
+        with pytest.raises(TypeError, match=min(option)):
             terrane.plan(DEM, tmp_path / "work", 5.0, **option)
+    for option in ({"max_error": 1}, {"overwrite": True}, {"task_size": 100}):
+        with pytest.raises(terrane.Error, match=min(option).replace("task_size", "multiple of 256")):
+            terrane.plan_grid("synth:cloud,size=50", tmp_path / "work", cell=1.0, **option)
+    with pytest.raises(terrane.Error, match="clip is a list in memory, and a plan is run later"):
+        terrane.plan_grid("synth:cloud,size=50", tmp_path / "work", cell=1.0, clip=[])
     with pytest.raises(FileNotFoundError):
         terrane.open_plan(tmp_path / "work")
-    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
+    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, task_size=1)
     (tmp_path / "mesh.ply").write_text("another")
     with pytest.raises(FileExistsError):
         plan.run(output=tmp_path / "mesh.ply")
@@ -73,7 +73,7 @@ def test_a_cluster_does_a_plan(tmp_path: Path) -> None:
     from distributed import Client
 
     terrane.write_tin(DEM, tmp_path / "at once.ply", 5.0, tile=64)
-    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
+    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, task_size=1)
     with Client(n_workers=2, threads_per_worker=1, dashboard_address="") as client:
         done = plan.run(client, output=tmp_path / "mesh.ply")
     assert done["done"] == done["tasks"]

@@ -276,7 +276,7 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
             return Err(Error::bad_input(
                 "the cloud has no points, so nothing says where its grid lies",
             )
-            .remedy("give ‹extent› or ‹like›"));
+            .remedy("look at the filters, or at the files with `terrane info`"));
         }
     };
     Ok((lattice, spans))

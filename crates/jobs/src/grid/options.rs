@@ -27,8 +27,8 @@ use terrane_raster::{Inputs, SampleType};
 #[options(setters = own, rules = RULES)]
 pub struct GridOptions {
     /// Statistics, a band for each, such as mean,max,p95,idw:radius=2,power=1
-    #[option(value = "LIST", with = StatisticList, default = "mean".to_owned())]
-    pub stat: String,
+    #[option(value = "LIST", with = StatisticList, default_text = "mean")]
+    pub stat: Option<String>,
     /// The ground: its points, linear in their triangulation at the centres of cells
     #[option(heading = "Models of the terrain")]
     pub dtm: bool,
@@ -136,7 +136,10 @@ impl GridOptions {
     /// The same without the polygons that points are within.
     fn unread(&self, inputs: &Inputs, output: &Path) -> Result<GridJob> {
         let preset = self.preset();
-        let stats = preset.map_or_else(|| parse_list(&self.stat), |own| Ok(vec![own.band()]))?;
+        let stats = preset.map_or_else(
+            || parse_list(self.stat.as_deref().unwrap_or("mean")),
+            |own| Ok(vec![own.band()]),
+        )?;
         Ok(GridJob {
             format: self.file.format.clone(),
             creation: self.creation.co.clone(),

@@ -29,7 +29,7 @@ pub(super) fn page(
     let part = part(info, job.bbox)?;
     if part.width < 2 || part.height < 2 {
         return Err(Error::usage("a surface has at least two rows and columns of samples")
-            .remedy("name a larger grid, or another part with ‹bbox›"));
+            .remedy("name a larger grid, or another part with ‹bounds›"));
     }
     let need = cache_beside(job.resources.memory) as u64 + 8 * u64::from(part.width) + (4 << 20);
     within_memory(need, "a small grid", &job.resources)?;
@@ -87,7 +87,7 @@ fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> R
             if !z.is_finite() {
                 return Err(Error::usage("this page needs a height at every sample")
                     .at(format!("column {col}, row {row}"))
-                    .remedy("show a part without voids with ‹bbox›"));
+                    .remedy("show a part without voids with ‹bounds›"));
             }
             heights.push(z);
         }

@@ -71,7 +71,7 @@ pub(super) fn part(info: &GridInfo, bbox: Option<[f64; 4]>) -> Result<Rect> {
     };
     match (along(0, info.width), along(1, info.height)) {
         (Some((col, width)), Some((row, height))) => Ok(Rect::new(col, row, width, height)),
-        _ => Err(Error::usage("‹bbox› lies outside the data").remedy("see `terrane info`")),
+        _ => Err(Error::usage("‹bounds› lies outside the data").remedy("see `terrane info`")),
     }
 }
 

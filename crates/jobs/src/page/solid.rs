@@ -79,7 +79,7 @@ impl Shape {
     pub(super) fn put(self, page: &mut Page) -> Result<PageReport> {
         if self.triangles.is_empty() {
             return Err(Error::bad_input("there is no surface to show")
-                .remedy("name another file, or another part with ‹bbox›"));
+                .remedy("name another file, or another part with ‹bounds›"));
         }
         let [lowest, highest] = self.range(2);
         let mut report = PageReport {

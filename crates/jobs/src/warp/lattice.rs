@@ -101,7 +101,7 @@ pub(super) fn scale(lattice: &Lattice, grid: &GridInfo, way: &Way) -> Result<[f6
         Some(lattice.transform.invert(x, y))
     };
     let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
-        return Err(placeless().remedy("take a part of the grid (‹bbox›)"));
+        return Err(placeless().remedy("take a part of the grid (‹bounds›)"));
     };
     let whole = (a[0] * b[1] - a[1] * b[0]).abs();
     Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])

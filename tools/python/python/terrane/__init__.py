@@ -29,7 +29,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from terrane._clouds import GridResult, chm, dsm, dtm, grid, verify_cloud, write_cloud_tin
+    from terrane._clouds import GridResult, verify_cloud, write_cloud_tin
     from terrane._errors import (
         Error,
         ExistsError,
@@ -44,11 +44,19 @@ if TYPE_CHECKING:
     from terrane._mesh import Mesh
     from terrane._operations import (
         aspect,
+        chm,
         color_relief,
         contour,
         convert,
         curvature,
+        dsm,
+        dtm,
+        grid,
         hillshade,
+        plan_grid,
+        plan_points,
+        plan_tiles,
+        points,
         roughness,
         simplify_file,
         slope,
@@ -57,20 +65,19 @@ if TYPE_CHECKING:
         tri,
     )
     from terrane._plans import Plan, open_plan, plan, plan_cloud_tin
-    from terrane._points import plan_points, points
     from terrane._terrane import __version__
     from terrane._tin import Report, tin, verify, write_tin
     from terrane.delatin import Delatin
 
 # Where each name is; a module is imported when a name of it is first asked for.
 _WHERE = {
-    "_clouds": "GridResult chm dsm dtm grid verify_cloud write_cloud_tin",
+    "_clouds": "GridResult verify_cloud write_cloud_tin",
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
     "_lines": "Lines simplify",
     "_mesh": "Mesh",
-    "_operations": "aspect color_relief contour convert curvature hillshade roughness simplify_file slope tiles tpi tri",
+    "_operations": "aspect chm color_relief contour convert curvature dsm dtm grid hillshade plan_grid plan_points plan_tiles points "
+    "roughness simplify_file slope tiles tpi tri",
     "_plans": "Plan open_plan plan plan_cloud_tin",
-    "_points": "plan_points points",
     "_terrane": "__version__",
     "_tin": "Report tin verify write_tin",
     "delatin": "Delatin",
@@ -119,7 +126,9 @@ __all__ = [
     "open_plan",
     "plan",
     "plan_cloud_tin",
+    "plan_grid",
     "plan_points",
+    "plan_tiles",
     "points",
     "roughness",
     "simplify",

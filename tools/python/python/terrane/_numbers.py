@@ -6,8 +6,6 @@ import math
 import operator
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from terrane._errors import usage
 
 
@@ -61,19 +59,8 @@ OPTIONS = {
     "threads": COUNT,
     "memory": COUNT,
     "split": COUNT,
-    "cut": COUNT,
+    "task_size": COUNT,
     "max_level": Range(least=0, most=20, whole=True),
-    "cell": LENGTH,
-    "radius": LENGTH,
-    "max_edge": LENGTH,
-    "fill": Range(least=0, whole=True),
-    "every": COUNT,
-    "bounds": ANY,
-    "z_range": Range(infinite=True),
-    "classes": Range(least=0, most=255, whole=True),
-    "point_format": Range(least=0, most=10, whole=True),
-    "side": LENGTH,
-    "buffer": TOLERANCE,
     "base_height": TOLERANCE,
     "border_height": ANY,
     "border_size": Range(least=0, whole=True),
@@ -107,19 +94,6 @@ def needed(name: str, value: Any, called: str | None = None) -> Any:
     if value is None:
         raise usage(f"{called or name} is None", f"pass {OPTIONS[name].words()}")
     return number(name, value, called)
-
-
-def numbers(name: str, values: Any, count: int | None = None) -> list[Any] | None:
-    """The numbers that `values` are, `count` of them where that is said; None stays None."""
-    if values is None:
-        return None
-    try:
-        given = list(np.ravel(values if isinstance(values, np.ndarray) else list(values)))
-    except (TypeError, ValueError):
-        given = [values]
-    if count is not None and len(given) != count:
-        raise usage(f"{name} is {values!r}", f"pass {count} numbers")
-    return [needed(name, value) for value in given]
 
 
 def checked(**options: Any) -> dict[str, Any]:

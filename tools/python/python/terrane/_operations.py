@@ -1,24 +1,31 @@
-"""Operations on grids that write a file: a function for each, made from the table of its options, which the command line and
+"""Operations that write a file: a function for each, made from the table of its options, which the command line and
 Rust read, too. What editors and type checkers see is in `_operations.pyi`, which `stub` writes."""
 
 from __future__ import annotations
 
 import inspect
+import keyword
 import os
 import tempfile
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from terrane import _terrane
+from terrane import _beside, _terrane
+from terrane._clouds import GridResult, cloud_of
 from terrane._errors import refuse_existing, usage
 from terrane._lines import Lines, sorted_lines
-from terrane._settings import settings
+from terrane._numbers import number
+from terrane._plans import Plan
+from terrane._settings import Path, settings
 from terrane._source import crs_text, opened
 
+# Features beside what is read, which may be in memory.
+BESIDE = ("clip", "water")
 # What says how the grid is read, with what only Python has; all else is an option of the operation.
 SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
 OF_SOURCE = {
@@ -39,19 +46,44 @@ def tables() -> dict[str, Any]:
 
 def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, Any]:
     """Runs an operation with all keywords that were given; what can be wrong with these is told before anything is opened."""
-    of_grids = tables()[name]["of_grids"]
-    reading = {key: options.pop(key) for key in SOURCE if of_grids and key in options}
+    output = os.fspath(path)
+    with ready(name, src, options, output) as (source, progress):
+        if source is None:
+            return _terrane.run_on_features(name, os.fspath(src), output, options, progress)
+        return source.run(name, output, options, progress)
+
+
+@contextmanager
+def ready(
+    name: str, src: Any, options: dict[str, Any], output: str | None
+) -> Iterator[tuple[Any, Any]]:
+    """What an operation reads (nothing of features), where its options are right; what only Python has is taken out of
+    them. There is no output of a plan, whose files have to stay."""
+    reads = tables()[name]["reads"]
+    reading = {key: options.pop(key) for key in SOURCE if reads == "grid" and key in options}
     progress = settings(None, None, options.pop("progress", None))
-    for key in ("to_crs", "to-crs"):
+    keys = ("to_crs", "to-crs", "crs") if reads == "cloud" else ("to_crs", "to-crs")
+    for key in keys:
         if options.get(key) is not None:
             options[key] = crs_text(options[key])
-    output = os.fspath(path)
-    _terrane.check_operation(name, options, output)
-    refuse_existing(output, bool(options.get("overwrite")))
-    if not of_grids:
-        return _terrane.run_on_features(name, os.fspath(src), output, options, progress)
-    with opened(src, **reading) as (grid, _):
-        return grid.run(name, output, options, progress)
+    if output is not None:
+        held = {key: "held" for key in BESIDE if not _beside.is_path(options.get(key))}
+        _terrane.check_operation(name, {**options, **held}, output)
+        refuse_existing(output, bool(options.get("overwrite")))
+    if output is None:
+        of = reading if reads == "grid" else options
+        of |= _beside.paths("a plan is run later", **{key: of[key] for key in BESIDE if key in of})
+    if reads == "features":
+        yield None, progress
+    elif reads == "grid":
+        with opened(src, **reading) as (grid, _):
+            yield grid, progress
+    else:
+        cloud = cloud_of(src, options)
+        beside = {key: options.pop(key) for key in BESIDE if key in options}
+        with _beside.files(lambda: cloud.info["crs"], **beside) as files:
+            options |= files
+            yield cloud, progress
 
 
 def written(name: str) -> Callable[..., dict[str, Any]]:
@@ -66,6 +98,44 @@ def written(name: str) -> Callable[..., dict[str, Any]]:
         return run(name, given.pop("src"), given.pop("path"), given)
 
     return documented(function, name)
+
+
+def planned(name: str) -> Callable[..., Plan]:
+    """The function that plans an operation."""
+
+    def function(src: Any, folder: Path, **options: Any) -> Plan:
+        task_size = number("task_size", options.pop("task_size", None))
+        with ready(name, src, options, None) as (source, progress):
+            return Plan(source.plan(name, os.fspath(folder), options, task_size, progress))
+
+    function.__name__ = function.__qualname__ = f"plan_{called(name)}"
+    function.__module__ = __name__
+    function.__signature__ = inspect.Signature(planned_parameters(name))  # type: ignore[attr-defined]
+    function.__doc__ = planned_documentation(name)
+    return function
+
+
+def planned_parameters(name: str) -> list[inspect.Parameter]:
+    """The parameters of the function that plans an operation: those of the operation that say something of the result."""
+    kinds = inspect.Parameter
+    of_runs = [option["name"] for option in tables()[name]["options"] if option["of_runs"]]
+    kept = [own for own in parameters(name) if own.kind == own.KEYWORD_ONLY and own.name not in of_runs]
+    names = [kinds("src", kinds.POSITIONAL_OR_KEYWORD, annotation="Any")]
+    names.append(kinds("folder", kinds.POSITIONAL_OR_KEYWORD, annotation="Path"))
+    size = kinds("task_size", kinds.KEYWORD_ONLY, default=None, annotation="int | None")
+    places = [own.replace(kind=kinds.KEYWORD_ONLY) for own in parameters(name)[1:] if own.name in ("cell", "stat")]
+    return [*names, *places, size, *(own for own in kept if own.name != "output")]
+
+
+def planned_documentation(name: str) -> str:
+    """What a plan of an operation is."""
+    size = tables()[name]["task_size"]
+    return textwrap.dedent(f"""\
+        Writes down in a folder how the result of `{called(name)}` is made by tasks, with the same options; it is the same,
+        byte for byte. `task_size` is how large a task is. {size}
+
+        {PLANS.get(name, "")}
+        """)
 
 
 # What lines in memory do not have.
@@ -93,17 +163,92 @@ def contour(
     return Lines(coordinates, offsets, values, crs)
 
 
+# What grids in memory do not have.
+OF_GRIDS = ("format", "overwrite", "co")
+
+
+def grid(
+    src: Any,
+    cell: float | Sequence[float] | None = 1.0,
+    stat: str | Sequence[str] | None = None,
+    *,
+    output: Any = None,
+    **options: Any,
+) -> GridResult | dict[str, Any]:
+    """A grid in memory, unless there is an output."""
+    options |= {"cell": cell, "stat": stat}
+    if options.get("like") is not None and cell == 1.0:
+        # Which says where the cells are itself.
+        options["cell"] = None
+    if output is not None:
+        return run("grid", src, output, options)
+    for key in OF_GRIDS:
+        if options.get(key):
+            raise usage(f"{key} is for files, and the grid stays in memory", "pass output, too")
+    folder = tempfile.TemporaryDirectory(prefix="terrane-")
+    report = run("grid", src, os.path.join(folder.name, "grid.tif"), options)
+    return GridResult(folder, report)
+
+
+def dtm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) -> Any:
+    """A model of the ground, of one band: triangulated from points of class 2, or from those that a method finds. Options
+    are those of `grid`; `water` is water to make level, a file or geometries, as `tin` takes them. Without a `cell` (None)
+    cells are about as wide as points are apart.
+
+    >>> import terrane
+    >>> ground = terrane.dtm("synth:cloud,size=60,density=2,seed=5", cell=2.0)
+    >>> ground.data.shape[0], ground.crs
+    (1, 'EPSG:32631')
+    """
+    return grid(src, cell, dtm=True, **options)
+
+
+def dsm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) -> Any:
+    """A model of what is seen from above, of one band. Options are those of `grid`; `canopy` is how returns from deep in
+    crowns are got rid of: "pit-free", unless told otherwise, or "spike-free", with its parameters after a colon.
+
+    >>> import terrane
+    >>> terrane.dsm("synth:cloud,size=60,density=2,seed=5", cell=2.0).names
+    ['dsm']
+    >>> top = terrane.dsm("synth:cloud,size=60,density=2,seed=5", cell=2.0, canopy="spike-free:freeze=2")
+    >>> top.data.shape[0]
+    1
+    """
+    return grid(src, cell, dsm=True, **options)
+
+
+def chm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) -> Any:
+    """The height of what is seen from above over the ground, of one band. Options are those of `dsm`.
+
+    >>> import numpy as np, terrane
+    >>> canopy = terrane.chm("synth:cloud,size=60,density=2,seed=5", cell=2.0)
+    >>> bool(np.nanmin(canopy.data) >= 0)
+    True
+    """
+    return grid(src, cell, chm=True, **options)
+
+
 def called(name: str) -> str:
     """The function of an operation. That which takes geometries is called `simplify`."""
     return {"simplify": "simplify_file"}.get(name, name.replace("-", "_"))
 
 
+def keyword_of(option: dict[str, Any]) -> str:
+    """What an option is called where its name is a word of the language: by another name of it."""
+    names = [option["name"], *option["aliases"]]
+    return next(name for name in names if not keyword.iskeyword(name))
+
+
+# Parameters before others, of functions whose result may stay in memory, and their defaults.
+FIRST: dict[str, dict[str, Any]] = {"contour": {"interval": None}, "grid": {"cell": 1.0, "stat": None}}
+
+
 def parameters(name: str) -> list[inspect.Parameter]:
     """The parameters of the function of an operation: the source, names, and keywords."""
     kinds = inspect.Parameter
-    options = {option["name"]: option for option in tables()[name]["options"]}
+    options = {keyword_of(option): option for option in tables()[name]["options"]}
 
-    def parameter(name: str, kind: Any, default: Any = kinds.empty) -> inspect.Parameter:
+    def parameter(name: str, kind: Any, default: Any = None) -> inspect.Parameter:
         option = options.pop(name, {"type": "Any"})
         annotation = TYPES.get(name, option["type"])
         # That no band is named is another thing than that the first one is.
@@ -114,14 +259,15 @@ def parameters(name: str) -> list[inspect.Parameter]:
     found = [kinds(name, kinds.POSITIONAL_OR_KEYWORD, annotation="Any") for name in ["src", *names]]
     for key in names:
         del options[key]
-    if name == "contour":
-        found.append(parameter("interval", kinds.POSITIONAL_OR_KEYWORD))
-        found.append(parameter("output", kinds.KEYWORD_ONLY, None))
+    if name in FIRST:
+        for key, default in FIRST[name].items():
+            found.append(parameter(key, kinds.POSITIONAL_OR_KEYWORD).replace(default=default))
+        found.append(parameter("output", kinds.KEYWORD_ONLY))
     else:
         found.append(kinds("path", kinds.POSITIONAL_OR_KEYWORD, annotation="Path"))
     found += [parameter(key, kinds.KEYWORD_ONLY) for key in list(options)]
-    more = OF_SOURCE if tables()[name]["of_grids"] else ["progress"]
-    return found + [parameter(key, kinds.KEYWORD_ONLY, None) for key in more]
+    more = OF_SOURCE if tables()[name]["reads"] == "grid" else ["progress"]
+    return found + [parameter(key, kinds.KEYWORD_ONLY) for key in more]
 
 
 def documented(function: Any, name: str) -> Any:
@@ -137,7 +283,7 @@ def documentation(name: str) -> str:
     """What an operation is for, what its options are, and an example."""
     table = tables()[name]
     lines = [table["about"], "", "Parameters", "----------"]
-    rows = [(option["name"], option["about"], option["default_text"]) for option in table["options"]]
+    rows = [(keyword_of(option), option["about"], option["default_text"]) for option in table["options"]]
     own = {parameter.name for parameter in parameters(name)}
     rows += [(key, about, None) for key, about in OF_SOURCE.items() if key in own]
     for key, about, default in rows:
@@ -146,33 +292,66 @@ def documentation(name: str) -> str:
     return "\n".join([*lines, "", textwrap.dedent(EXAMPLES.get(name, "")), ""])
 
 
+# What functions return that may keep their result in memory.
+RESULTS = {"contour": "Lines | dict[str, Any]", "grid": "GridResult | dict[str, Any]"}
+
+
 def stub() -> str:
     """The text of `_operations.pyi`."""
     lines = [
-        '"""Operations on grids that write a file. Made by `terrane._operations.stub`, not by hand."""',
+        '"""Operations that write a file. Made by `terrane._operations.stub`, not by hand."""',
         "",
         "from collections.abc import Sequence",
         "from typing import Any, Literal",
         "",
+        "from terrane._clouds import GridResult",
         "from terrane._lines import Lines",
+        "from terrane._plans import Plan",
         "from terrane._settings import Features, Path",
         "",
         "def stub() -> str: ...",
     ]
-    for name in tables():
-        lines.append(f"def {called(name)}(")
-        found = parameters(name)
-        first = [own.kind for own in found].index(inspect.Parameter.KEYWORD_ONLY)
-        for place, own in enumerate(found):
-            default = "" if own.default is own.empty else f" = {own.default!r}"
-            lines += ["    *,"] * (place == first)
-            lines.append(f"    {own.name}: {own.annotation}{default}".replace("'", '"') + ",")
-        result = "Lines | dict[str, Any]" if name == "contour" else "dict[str, Any]"
-        lines.append(f") -> {result}: ...")
+    for name, table in tables().items():
+        result = RESULTS.get(name, "dict[str, Any]")
+        lines += signature(called(name), parameters(name), result)
+        if table["task_size"] is not None:
+            lines += signature(f"plan_{called(name)}", planned_parameters(name), "Plan")
+    for name in ("dtm", "dsm", "chm"):
+        models = ("dtm", "dsm", "chm", "stat", "output", *OF_GRIDS)
+        own = [own for own in parameters("grid") if own.name not in models]
+        lines += signature(name, own, "GridResult")
     return "\n".join(lines) + "\n"
 
 
+def signature(name: str, found: list[inspect.Parameter], result: str) -> list[str]:
+    """A function as stubs have it."""
+    lines = [f"def {name}("]
+    first = [own.kind for own in found].index(inspect.Parameter.KEYWORD_ONLY)
+    for place, own in enumerate(found):
+        default = "" if own.default is own.empty else f" = {own.default!r}"
+        lines += ["    *,"] * (place == first)
+        lines.append(f"    {own.name}: {own.annotation}{default}".replace("'", '"') + ",")
+    return [*lines, f") -> {result}: ..."]
+
+
 EXAMPLES = {
+    "grid": """
+        >>> import numpy as np, terrane
+        >>> points = np.random.default_rng(1).uniform(0, 100, size=(5000, 3))
+        >>> grid = terrane.grid(points, cell=10.0, stat=["mean", "count"])
+        >>> grid.data.shape, grid["count"].sum()
+        ((2, 10, 10), np.float64(5000.0))
+    """,
+    "points": r"""
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     cloud, path = (os.path.join(folder, name) for name in ("cloud.xyz", "thin.laz"))
+        ...     with open(cloud, "w") as file:
+        ...         _ = file.write("x y z class\n0.5 0.5 3 2\n0.9 0.1 2 2\n1.5 0.5 4 6\n")
+        ...     made = terrane.points("cloud:" + cloud, path, thin="1:lowest", attribute="intensity=7")
+        ...     made["points"], terrane.grid(path, cell=1.0, stat="count").data.max()
+        (2, np.float64(1.0))
+    """,
     "contour": """
         >>> import numpy as np, terrane
         >>> cone = np.hypot(*np.mgrid[-20:21, -20:21])
@@ -197,8 +376,36 @@ EXAMPLES = {
     """,
 }
 
+# Examples of plans.
+PLANS = {
+    "grid": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     plan = terrane.plan_grid("synth:cloud,size=60,density=2", os.path.join(folder, "work"), cell=2.0)
+        ...     done = plan.run(output=os.path.join(folder, "mean.tif"))
+        ...     plan.status()["to_do"]
+        []
+    """,
+    "points": r"""
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     cloud, work, tiles = (os.path.join(folder, name) for name in ("cloud.xyz", "work", "tiles"))
+        ...     with open(cloud, "w") as file:
+        ...         file.writelines(f"{i % 30} {i // 30} 1\\n" for i in range(900))
+        ...     plan = terrane.plan_points("cloud:" + cloud, work, tile=10.0, task_size=2, buffer=2.0)
+        ...     done = plan.run(output=tiles)
+        ...     len(os.listdir(tiles)), plan.status()["to_do"]
+        (9, [])
+    """,
+}
+
 documented(contour, "contour")
+documented(grid, "grid")
 convert = written("convert")
+points = written("points")
+plan_grid = planned("grid")
+plan_points = planned("points")
+plan_tiles = planned("tiles")
 simplify_file = written("simplify")
 slope = written("slope")
 aspect = written("aspect")

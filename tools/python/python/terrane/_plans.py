@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from typing import Any
 
 from terrane import _beside, _terrane
-from terrane._clouds import asked_of, cloud_of
+from terrane._clouds import cloud_of
 from terrane._errors import refuse_existing, usage
 from terrane._numbers import needed, number
 from terrane._settings import Path, settings
@@ -84,11 +83,6 @@ def plan(
     folder: Path,
     max_error: float | None = None,
     *,
-    cell: float | None = None,
-    stat: str | list[str] = "mean",
-    classes: list[int] | None = None,
-    where: str | None = None,
-    bounds: Any = None,
     bound: str = "samples",
     band: int | None = None,
     nodata: float | None = None,
@@ -100,57 +94,26 @@ def plan(
     data_dependent: bool = False,
     min_angle: float | None = None,
     tile: int = 512,
-    cut: int | None = None,
+    task_size: int | None = None,
     format: str | None = None,
     threads: int | None = None,
     memory: int | str | None = None,
     progress: Any = None,
 ) -> Plan:
-    """Writes down in a folder what is to be made: of grids in files the mesh of `tin`, of points in files, where there is a
-    `cell`, the grid of `grid`. What comes of it is, byte for byte, what those write.
-
-    `cut` is how much a task has: rows of tiles of a mesh, cells along a side of a grid (a multiple of 256).
+    """Writes down in a folder how the mesh of grids in files is made: that of `tin`, byte for byte. `task_size` is how many
+    rows of tiles a task has.
 
     >>> import os, tempfile, terrane
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     work, mesh = (os.path.join(folder, name) for name in ("work", "mesh.ply"))
-    ...     plan = terrane.plan("synth:rough,size=300", work, max_error=5.0, tile=64, cut=2)
+    ...     plan = terrane.plan("synth:rough,size=300", work, max_error=5.0, tile=64, task_size=2)
     ...     done = plan.run(output=mesh)
     ...     terrane.verify(mesh, "synth:rough,size=300").ok, plan.status()["to_do"]
     (True, [])
     """
-    run, parts = settings(threads, memory, progress), number("cut", cut)
-    # What only the other kind of plan has is refused by name.
-    of_mesh = {
-        "bound": bound != "samples",
-        "band": band is not None,
-        "nodata": nodata is not None,
-        "clip": clip is not None,
-        "water": water is not None,
-        "keep_points": keep_points is not None,
-        "breaklines": breaklines is not None,
-        "fit": fit,
-        "data_dependent": data_dependent,
-        "min_angle": min_angle is not None,
-        "tile": tile != 512,
-    }
-    of_grid = {
-        "stat": stat != "mean",
-        "classes": classes is not None,
-        "where": where is not None,
-        "bounds": bounds is not None,
-    }
-    kind, others = ("mesh", of_mesh) if cell is not None else ("grid of points", of_grid)
-    for name in (name for name, given in others.items() if given):
-        raise usage(f"{name} is an option of a {kind}", "leave it out")
-    if cell is not None:
-        if max_error is not None:
-            raise usage("cell is of a grid and max_error of a mesh", "pass one of them")
-        grid = asked_of(cell, stat=stat, bounds=bounds, format=format)
-        cloud = cloud_of(src, classes=classes, where=where)
-        return Plan(cloud.plan_grid(os.fspath(folder), grid, parts, run))
+    run, parts = settings(threads, memory, progress), number("task_size", task_size)
     mesh = asked(
-        max_error=max_error,
+        max_error=number("max_error", max_error),
         max_vertices=None,
         max_triangles=None,
         bound=bound,
@@ -178,16 +141,15 @@ def plan_cloud_tin(
     folder: Path,
     max_error: float,
     *,
-    classes: Iterable[int] | None = None,
-    where: str | None = None,
-    cut: int | None = None,
+    task_size: int | None = None,
     format: str | None = None,
     threads: int | None = None,
     memory: int | str | None = None,
     progress: Any = None,
+    **reading: Any,
 ) -> Plan:
-    """Writes down in a folder how the mesh of points in files is made, which is, byte for byte, that of `write_cloud_tin`.
-    `cut` is the most points of a task, but for the few that are worked on together.
+    """Writes down in a folder how the mesh of points in files is made, which is, byte for byte, that of `write_cloud_tin`
+    with the same options. `task_size` is the most points of a task, but for the few that are worked on together.
 
     >>> import os, tempfile, terrane
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -198,6 +160,7 @@ def plan_cloud_tin(
     (True, [])
     """
     run = settings(threads, memory, progress)
-    error, parts = needed("max_error", max_error), number("cut", cut)
-    cloud = cloud_of(points, classes=classes, where=where)
+    error, parts = needed("max_error", max_error), number("task_size", task_size)
+    reading |= _beside.paths("a plan is run later", clip=reading.pop("clip", None))
+    cloud = cloud_of(points, {}, **reading)
     return Plan(cloud.plan_tin(os.fspath(folder), error, format, parts, run))

@@ -73,6 +73,14 @@ class Grid:
     def run(
         self, operation: str, path: str, options: dict[str, Any], settings: Settings
     ) -> dict[str, Any]: ...
+    def plan(
+        self,
+        operation: str,
+        folder: str,
+        options: dict[str, Any],
+        task_size: int | None,
+        settings: Settings,
+    ) -> Plan: ...
 
 @final
 class Mesh:
@@ -102,7 +110,7 @@ class Mesh:
 @final
 class Cloud:
     @staticmethod
-    def open(names: Sequence[str], wanted: dict[str, Any]) -> Cloud: ...
+    def open(names: Sequence[str], reading: dict[str, Any]) -> Cloud: ...
     @staticmethod
     def array(
         points: NDArray[np.float64],
@@ -111,24 +119,21 @@ class Cloud:
         returns: NDArray[np.uint8] | None,
         flags: NDArray[np.uint8] | None,
         crs: str | None,
-        wanted: dict[str, Any],
+        reading: dict[str, Any],
     ) -> Cloud: ...
     @property
     def info(self) -> dict[str, Any]: ...
-    def grid(
-        self, path: str, asked: dict[str, Any], overwrite: bool, settings: Settings
+    def run(
+        self, operation: str, path: str, options: dict[str, Any], settings: Settings
     ) -> dict[str, Any]: ...
-    def plan_grid(
-        self, folder: str, asked: dict[str, Any], cut: int | None, settings: Settings
-    ) -> Plan: ...
-    def points(
+    def plan(
         self,
-        path: str,
-        asked: dict[str, Any],
-        system: System,
-        overwrite: bool,
+        operation: str,
+        folder: str,
+        options: dict[str, Any],
+        task_size: int | None,
         settings: Settings,
-    ) -> dict[str, Any]: ...
+    ) -> Plan: ...
     def plan_tin(
         self,
         folder: str,
@@ -136,9 +141,6 @@ class Cloud:
         format: str | None,
         cut: int | None,
         settings: Settings,
-    ) -> Plan: ...
-    def plan_points(
-        self, folder: str, asked: dict[str, Any], cut: int | None, settings: Settings
     ) -> Plan: ...
     def write_tin(
         self, path: str, max_error: float, overwrite: bool, settings: Settings

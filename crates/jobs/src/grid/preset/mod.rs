@@ -436,7 +436,7 @@ fn not_of_class(named: &str) -> Error {
 /// The error of a cloud without ground.
 pub(crate) fn no_ground() -> Error {
     Error::bad_input("no ground is found in the cloud")
-        .remedy("check what ‹bounds›, ‹polygon› and ‹z_range› leave of it")
+        .remedy("check what ‹bounds›, ‹clip› and ‹z_range› leave of it")
 }
 
 /// The error of a part of a cloud that was too little.
