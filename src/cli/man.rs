@@ -32,7 +32,8 @@ fn run(args: &Args, command: &Command) -> Result<Outcome> {
     atomic::create_folders(&args.dir)?;
     let mut command = command.clone().disable_help_subcommand(true);
     command.build();
-    let verbs = command.get_subcommands().cloned().collect::<Vec<_>>();
+    let verbs =
+        command.get_subcommands().filter(|verb| !verb.is_hide_set()).cloned().collect::<Vec<_>>();
     for page in std::iter::once(command).chain(verbs) {
         let name = page.get_display_name().unwrap_or(page.get_name()).to_owned();
         let path = args.dir.join(format!("{name}.1"));

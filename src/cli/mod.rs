@@ -67,9 +67,10 @@ const VERBS: &[Entry] = &[
     Entry::of::<operation::Args<TriOptions>>(),
     Entry::of::<synth::Args>(),
     Entry::of::<plan::Args>(),
-    Entry::of::<plan::run::Args>(),
-    Entry::of::<plan::run::FinishArgs>(),
-    Entry::of::<plan::status::Args>(),
+    // As they were called before they were parts of `plan`.
+    Entry::hidden::<plan::run::Args>(),
+    Entry::hidden::<plan::run::FinishArgs>(),
+    Entry::hidden::<plan::status::Args>(),
     Entry::of::<demo::Args>(),
     Entry::of::<completions::Args>(),
     Entry::of::<man::Args>(),

@@ -17,7 +17,9 @@ fn verbs() -> Vec<(String, Command)> {
     let mut command = super::command();
     command.build();
     let mut found = Vec::new();
-    for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+    for verb in
+        command.get_subcommands().filter(|verb| verb.get_name() != "help" && !verb.is_hide_set())
+    {
         let name = verb.get_name().to_owned();
         let below: Vec<_> = verb.get_subcommands().filter(|c| c.get_name() != "help").collect();
         if below.is_empty() {

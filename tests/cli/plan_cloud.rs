@@ -108,8 +108,7 @@ fn another_cloud_is_refused_by_tasks_of_a_plan() {
 fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
     let place = place();
     place.write("k.wkt", "POINT (500100 4750100)");
-    let cases: [(&[&str], &[&str]); 9] = [
-        (&["--strip-rows", "3"], &["--strip-rows is for grids", "leave --strip-rows out"]),
+    let cases: [(&[&str], &[&str]); 8] = [
         (&["--to-crs", "EPSG:4326"], &["--to-crs is for grids"]),
         (&["--fit"], &["--fit is for grids"]),
         (&["--triangulation", "data-dependent"], &["--triangulation is for grids"]),
@@ -126,9 +125,7 @@ fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
         assert!(words.iter().all(|word| ran.err.contains(word)), "{how:?}: {}", ran.err);
     }
     let grid = ["plan", "tin", "synth:rough,size=100", "-o", "work", "--max-error", "1"];
-    for (how, word) in
-        [(["--cut", "3"], "--cut is for point clouds"), (["--class", "2"], "--class")]
-    {
+    for (how, word) in [(["--task-size", "1"], "at least 2"), (["--class", "2"], "--class")] {
         place.fails(&[&grid[..], &how].concat(), 2, &[word]);
     }
     let flat = ["plan", "tin", "c.laz", "-o", "work", "--max-error", "1", "--z-range", "-9,-8"];

@@ -47,7 +47,7 @@ fn strangers(place: &Place) -> Vec<String> {
 fn a_plan_is_told_run_and_finished() {
     let (place, expected) = planned();
     let told = place.ok(&["status", "work"]).out;
-    for part in ["600 x 600 cells in tiles of 256", "0 done, 10 to do", "terrane run work"] {
+    for part in ["600 x 600 cells in tiles of 256", "0 done, 10 to do", "terrane plan run work"] {
         assert!(told.contains(part), "{part} in\n{told}");
     }
     place.ok(&["run", "work", "--task", "tile-4", "-q"]);

@@ -16,7 +16,6 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{self, Outcome, args, many, names, parse, system};
 use crate::cli::tin;
 use crate::error::{Error, Result};
-use crate::files::path_of;
 use crate::jobs::cloud_tin::CloudTinJob;
 use crate::jobs::cloud_tin::plan::plan_cloud_tin;
 use crate::jobs::grid::GridOptions;
@@ -30,7 +29,7 @@ use crate::jobs::{Cancel, Resources};
 use crate::mesh;
 use crate::raster::Inputs;
 
-/// Write down the work on a large input as tasks, for `terrane run` here or on many machines
+/// Write down the work on a large input as tasks, do them, here or on many machines, and tell how far they are
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -47,6 +46,9 @@ enum What {
     Tiles(Box<Planned<TilesOptions>>),
     /// Plan squares of the points of clouds; the same files as those of `terrane points --tile`
     Points(Box<Planned<PointsOptions>>),
+    Run(Box<run::Args>),
+    Status(Box<status::Args>),
+    Finish(Box<run::FinishArgs>),
 }
 
 /// Plan a triangle mesh with a proven vertical error bound, of a grid or of the points of clouds; the same mesh as that
@@ -76,12 +78,10 @@ struct TinArgs {
     points: shared::points::Points,
     #[command(flatten)]
     method: tin::Method,
-    /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..), help_heading = "Method")]
-    strip_rows: Option<u32>,
-    /// Of a cloud: most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
-    #[arg(long, value_name = "POINTS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
-    cut: Option<u32>,
+    /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]; of a cloud:
+    /// most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
+    #[arg(long, aliases = ["strip-rows", "cut"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
+    task_size: Option<u32>,
     #[command(flatten)]
     show: args::Show,
 }
@@ -128,12 +128,13 @@ impl Verb for Args {
     const NAME: &'static str = "plan";
 
     fn many(&self) -> Option<&Many> {
-        Some(match &self.what {
-            What::Tin(args) => &args.many,
-            What::Grid(args) => &args.many,
-            What::Tiles(args) => &args.many,
-            What::Points(args) => &args.many,
-        })
+        match &self.what {
+            What::Tin(args) => Some(&args.many),
+            What::Grid(args) => Some(&args.many),
+            What::Tiles(args) => Some(&args.many),
+            What::Points(args) => Some(&args.many),
+            What::Run(_) | What::Status(_) | What::Finish(_) => None,
+        }
     }
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
@@ -147,6 +148,9 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         What::Grid(args) => args.run(cancel, status::grid_summary),
         What::Tiles(args) => args.run(cancel, status::tiles_summary),
         What::Points(args) => args.run(cancel, status::points_summary),
+        What::Run(args) => run::run(args, cancel),
+        What::Status(args) => status::run(args),
+        What::Finish(args) => run::finish(args, cancel),
     }
 }
 
@@ -155,10 +159,8 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
         return plan_of_cloud(args, cancel);
     }
     args.points.refuse(&args.input[0])?;
-    if args.cut.is_some() {
-        return Err(Error::usage("--cut is for point clouds, and this is none")
-            .in_file(&path_of(&args.input[0]))
-            .remedy("say how large tasks are by --strip-rows"));
+    if args.task_size.is_some_and(|rows| rows < 2) {
+        return Err(Error::usage("--task-size counts rows of tiles of a grid, at least 2"));
     }
     let resources = Resources::default();
     let options = args.grid.open_options(&resources);
@@ -172,8 +174,7 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn plan_of_cloud(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
-    let of_grids =
-        [("--strip-rows", args.strip_rows.is_some()), ("--to-crs", args.system.is_given())];
+    let of_grids = [("--to-crs", args.system.is_given())];
     let of_grids = of_grids.into_iter().chain(args.method.options_of_grids());
     tin::refuse_options(&args.input[0], of_grids, &args.grid)?;
     let resources = Resources::default();
@@ -189,7 +190,7 @@ fn plan_of_cloud(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
         breaklines: args.method.breaklines.clone(),
         ..CloudTinJob::new(names, output, args.max_error, resources)
     };
-    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
+    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.task_size, skipped };
     let report = plan_cloud_tin(&plan, args.show.progress().as_ref(), cancel)?;
     args.show.tell(&report, || status::cloud_summary(&report))?;
     Ok(Outcome::Kept)
@@ -208,5 +209,5 @@ fn job(args: &TinArgs) -> Result<PlanJob<TinJob>> {
         ..TinJob::new(args.input.clone(), args.folder.join("mesh"), Goal::MaxError(args.max_error))
     };
     let folder = args.folder.clone();
-    Ok(PlanJob { job: tin, folder, cut: args.strip_rows, skipped: Vec::new() })
+    Ok(PlanJob { job: tin, folder, cut: args.task_size, skipped: Vec::new() })
 }

@@ -1,10 +1,11 @@
-//! `terrane run` and `terrane finish`: the work of a plan is done, all of it or one task.
+//! `terrane plan run` and `terrane plan finish`: the work of a plan is done, all of it or one task.
 
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use crate::cli::plan::status;
+use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, say, text};
 use crate::cli::{grid, points, tiles, tin};
@@ -12,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::plan::{CloudTinRun, run_cloud_tin};
 use crate::jobs::grid::plan::{GridRun, run_grid};
-use crate::jobs::plan::{self, Kind, RunJob, Written, kind};
+use crate::jobs::plan::{self, Kind, RunOptions, Written, kind};
 use crate::jobs::tiles::run_tiles;
 use crate::jobs::tin::{Form, RunReport, TinReport, run_plan};
 use crate::jobs::translate::plan::{PointsRun, run_points};
@@ -23,13 +24,6 @@ use crate::jobs::translate::plan::{PointsRun, run_points};
 pub(crate) struct Args {
     /// Folder of the plan
     folder: PathBuf,
-    /// Only this task, such as strip-0, seam-0, choose-0, tile-0, near-0, squares-0 or finish; many may be done at the same time, on any
-    /// machine that sees the folder and the input
-    #[arg(long, value_name = "ID")]
-    task: Option<String>,
-    /// File, or folder of tiles or points, to write [default: in the folder]
-    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    output: Option<PathBuf>,
     #[command(flatten)]
     how: How,
 }
@@ -40,22 +34,17 @@ pub(crate) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
     /// File, or folder of tiles or points, to write [default: in the folder]
-    output: Option<PathBuf>,
+    file: Option<PathBuf>,
     #[command(flatten)]
     how: How,
 }
 
 #[derive(Clone, Debug, clap::Args)]
 struct How {
-    /// Replace a file that exists
-    #[arg(long, help_heading = "Output")]
-    overwrite: bool,
+    #[command(flatten)]
+    options: Tabled<RunOptions>,
     #[command(flatten)]
     split: tin::Split,
-    #[command(flatten)]
-    disk: args::Disk,
-    #[command(flatten)]
-    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }
@@ -76,33 +65,27 @@ impl Verb for Args {
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    work(&args.folder, args.task.clone(), args.output.clone(), &args.how, cancel)
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    work(&args.folder, &args.how.options.0, &args.how, cancel)
 }
 
 pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
-    let task = Some("finish".to_owned());
-    work(&args.folder, task, args.output.clone(), &args.how, cancel)
+    let mut options = args.how.options.0.clone();
+    options.task = Some("finish".to_owned());
+    options.output = args.file.clone().or(options.output);
+    work(&args.folder, &options, &args.how, cancel)
 }
 
-fn work(
-    folder: &Path,
-    task: Option<String>,
-    output: Option<PathBuf>,
-    how: &How,
-    cancel: &Cancel,
-) -> Result<Outcome> {
-    let is_part = task.as_deref().is_some_and(|task| task != "finish");
-    if is_part && (output.is_some() || how.overwrite || how.split.tiles.is_some()) {
-        return Err(Error::usage("only the last task writes a result").remedy(
-            "leave out --output, --overwrite and --split, or pass them to terrane finish",
-        ));
+fn work(folder: &Path, options: &RunOptions, how: &How, cancel: &Cancel) -> Result<Outcome> {
+    let job = options.job(folder.to_path_buf())?;
+    let is_part = job.task.as_deref().is_some_and(|task| task != "finish");
+    if is_part && how.split.tiles.is_some() {
+        return Err(Error::usage("only the last task writes a result")
+            .remedy("leave --split out, or run the task finish"));
     }
-    let (folder, resources) = (folder.to_path_buf(), how.machine.resources());
-    let kind = kind(&folder)?;
-    how.split.check(kind, output.as_deref())?;
-    let (overwrite, disk, progress) = (how.overwrite, how.disk.check(), how.show.progress());
-    let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+    let kind = kind(folder)?;
+    how.split.check(kind, job.output.as_deref())?;
+    let progress = how.show.progress();
     let progress = progress.as_ref();
     match kind {
         Kind::Tin => {

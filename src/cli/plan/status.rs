@@ -1,4 +1,4 @@
-//! `terrane status`: how far the work on a plan has come.
+//! `terrane plan status`: how far the work on a plan has come.
 
 use std::path::PathBuf;
 
@@ -31,7 +31,7 @@ impl Verb for Args {
     }
 }
 
-fn run(args: &Args) -> Result<Outcome> {
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match kind(&args.folder)? {
         Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
         Kind::Cloud => tell(args, &cloud_tin_status(&args.folder)?, cloud_summary),
@@ -138,7 +138,7 @@ fn table<S>(
     rows.extend(r.told.output_fault.clone().map(|fault| ("note", fault)));
     rows.push(match &r.told.output {
         Some(output) => (kind, output.clone()),
-        None => ("next", format!("terrane run {}", r.folder)),
+        None => ("next", format!("terrane plan run {}", r.folder)),
     });
     format!("{} in {}\n{}", r.input, r.folder, text::table(&rows))
 }

@@ -69,6 +69,11 @@ impl Entry {
     pub(crate) const fn of<V: Verb>() -> Self {
         Self { name: V::NAME, command: command::<V>, parse: parse::<V> }
     }
+
+    /// One that no help tells of.
+    pub(crate) const fn hidden<V: Verb>() -> Self {
+        Self { command: || command::<V>().hide(true), ..Self::of::<V>() }
+    }
 }
 
 fn command<V: Verb>() -> Command {

@@ -156,7 +156,7 @@ impl RunOptions {
         let is_part = task.as_deref().is_some_and(|task| task != "finish");
         if is_part && (output.is_some() || overwrite) {
             return Err(Error::usage("only the last task writes a result")
-                .remedy("leave ‹output› and ‹overwrite› out, or run the task finish"));
+                .remedy("leave ‹output› and ‹overwrite› out, or run the task finish with them"));
         }
         let disk = if disk_check { DiskCheck::On } else { DiskCheck::Off };
         Ok(RunJob { folder, task, output, overwrite, form: (), disk, resources })

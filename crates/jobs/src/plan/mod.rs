@@ -65,7 +65,7 @@ pub(crate) fn damaged_object(path: &Path) -> Error {
     let folder = parent(parent(path));
     Error::new(ErrorKind::Io, "is damaged")
         .in_file(path)
-        .remedy(format!("it is made anew by terrane run {}", folder.display()))
+        .remedy(format!("it is made anew by terrane plan run {}", folder.display()))
 }
 
 /// The error of what cannot be made because the folder it belongs in is not there.

@@ -271,7 +271,7 @@ def run(
         memory: What a task may take, such as "2GiB"; the program's default when `None`.
         output: File to write, absolute or from here; in the folder when `None`.
         overwrite: Replace a file that is there.
-        finish: False leaves the mesh or grid to `terrane finish`.
+        finish: False leaves the mesh or grid to `terrane plan finish`.
         batch_seconds: Short tasks are done together for about so long.
         retries: Of a task that failed in a way that may pass, or was lost with its worker.
         most_nodes: Nodes in Dask's graph at once.
