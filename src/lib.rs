@@ -96,7 +96,10 @@ pub use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
-pub use terrane_jobs::tiles::{Beyond as TilesBeyond, Format as TilesFormat, TilesReport};
+pub use terrane_jobs::tiles::{
+    Beyond as TilesBeyond, CloudTilesOptions, Format as TilesFormat, ModelOptions, TileOptions,
+    TilesOptions, TilesReport,
+};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::translate::{
     Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, PointsOptions, Reclassify,

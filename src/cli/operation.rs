@@ -24,6 +24,7 @@ use crate::jobs::memory::cache_beside;
 use crate::jobs::operation::{Has, Input, Operation, Request, Writes, read_beside};
 use crate::jobs::options::{CloudInput, GridInput, Replacing};
 use crate::jobs::sift::Sifted;
+use crate::jobs::tiles::TilesReport;
 use crate::jobs::translate::TranslateReport;
 use crate::{cloud, raster};
 
@@ -47,6 +48,12 @@ impl Summary for ContourReport {
 impl Summary for GridReport {
     fn summary(&self) -> String {
         super::grid::summary(self)
+    }
+}
+
+impl Summary for TilesReport {
+    fn summary(&self) -> String {
+        super::tiles::summary(self)
     }
 }
 
@@ -248,45 +255,62 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
     }
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        let mut options = self.options.0.clone();
-        let mut input = self.input.clone();
+        let Self { output, report, many, show, .. } = self;
+        let (mut options, mut input) = (self.options.0.clone(), self.input.clone());
         take_positional(&mut options, &mut input)?;
-        check_options(&options)?;
-        let reading = O::Input::clone(options.part());
-        let resources = Resources::clone(options.part());
-        let opening = reading.opening(&resources)?;
-        let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
-        let mut output = self.output.clone();
-        let stdout = match O::WRITES {
-            Writes::Lines => {
-                let format = named(&options, "format");
-                pipes::Stdout::take(&mut output, format.as_deref(), &resources)?
-            }
-            _ => atomic::refuse_stdout(&output).map(|()| None)?,
-        };
-        input = self.many.find(&input, opening.kind())?;
-        input.iter().try_for_each(|name| reading.check(name, &self.many))?;
-        options.check(&output)?;
-        self.check_files(&options, &input, &output)?;
-        stdin.gather(&mut input, call.cancel)?;
-        let Sifted { names, skipped } = self.many.sift(input, opening.kind(), &resources)?;
-        skip_bad(&mut options, &self.many);
-        let are_made = names.iter().all(|name| is_made(name));
-        let inputs = stdin.inputs(names);
-        let (progress, cancel) = (self.show.progress(), call.cancel);
-        let (progress, skipped) = (progress.as_ref(), skipped.as_slice());
-        let request = Request { inputs: &inputs, output: &output, skipped, progress, cancel };
-        let made = options
-            .run(request)
-            .map_err(|error| if are_made { synth::size(error) } else { error })?;
-        stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
-        let told = report::WithSkipped { report: &made, skipped };
-        if let Some(path) = &self.report {
-            report::write(path, is_replacing(&options), &told)?;
-        }
-        self.show.beside(stdout.is_some()).tell(&told, || made.summary())?;
-        Ok(Outcome::Kept)
+        run(options, Frame { input: &input, output, report: report.as_deref(), many, show }, call)
     }
+}
+
+/// What surrounds the options of a run.
+pub(super) struct Frame<'a> {
+    pub(super) input: &'a [String],
+    pub(super) output: &'a Path,
+    pub(super) report: Option<&'a Path>,
+    pub(super) many: &'a Many,
+    pub(super) show: &'a args::Show,
+}
+
+/// Runs an operation.
+pub(super) fn run<O>(mut options: O, frame: Frame<'_>, call: &Call<'_>) -> Result<Outcome>
+where
+    O: Operation<Input: Source, Report: Summary> + Has<Replacing>,
+{
+    let Frame { input, output, report, many, show } = frame;
+    let (mut input, mut output) = (input.to_vec(), output.to_path_buf());
+    check_options(&options)?;
+    let reading = O::Input::clone(options.part());
+    let resources = Resources::clone(options.part());
+    let opening = reading.opening(&resources)?;
+    let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
+    let stdout = match O::WRITES {
+        Writes::Lines => {
+            let format = named(&options, "format");
+            pipes::Stdout::take(&mut output, format.as_deref(), &resources)?
+        }
+        _ => atomic::refuse_stdout(&output).map(|()| None)?,
+    };
+    input = many.find(&input, opening.kind())?;
+    input.iter().try_for_each(|name| reading.check(name, many))?;
+    options.check(&output)?;
+    check_files(&options, &input, &output, report)?;
+    stdin.gather(&mut input, call.cancel)?;
+    let Sifted { names, skipped } = many.sift(input, opening.kind(), &resources)?;
+    skip_bad(&mut options, many);
+    let are_made = names.iter().all(|name| is_made(name));
+    let inputs = stdin.inputs(names);
+    let (progress, cancel) = (show.progress(), call.cancel);
+    let (progress, skipped) = (progress.as_ref(), skipped.as_slice());
+    let request = Request { inputs: &inputs, output: &output, skipped, progress, cancel };
+    let made =
+        options.run(request).map_err(|error| if are_made { synth::size(error) } else { error })?;
+    stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
+    let told = report::WithSkipped { report: &made, skipped };
+    if let Some(path) = report {
+        report::write(path, is_replacing(&options), &told)?;
+    }
+    show.beside(stdout.is_some()).tell(&told, || made.summary())?;
+    Ok(Outcome::Kept)
 }
 
 /// Whether what exists is replaced.
@@ -328,20 +352,23 @@ pub(super) fn needed(table: &'static Table) -> String {
     })
 }
 
-impl<O: Operation<Input: Source> + Has<Replacing>> Args<O> {
-    /// Fails when a file to read is not there, or one to write is taken.
-    fn check_files(&self, options: &O, input: &[String], output: &Path) -> Result<()> {
-        let overwrite = is_replacing(options);
-        let beside = read_beside(options)?;
-        check::beside(&beside)?;
-        let files = [O::Input::files(input)?, beside].concat();
-        let workdir = named(options, "workdir").map(PathBuf::from);
-        let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
-        check::not_among(&files, &outputs)?;
-        match options.is_folder() {
-            true => check::folder(output)?,
-            false => check::new_file(output, overwrite)?,
-        }
-        check::report(self.report.as_deref(), &files, &outputs, overwrite)
+/// Fails when a file to read is not there, or one to write is taken.
+fn check_files<O: Operation + Has<Replacing>>(
+    options: &O,
+    input: &[String],
+    output: &Path,
+    report: Option<&Path>,
+) -> Result<()> {
+    let overwrite = is_replacing(options);
+    let beside = read_beside(options)?;
+    check::beside(&beside)?;
+    let files = [O::Input::files(input)?, beside].concat();
+    let workdir = named(options, "workdir").map(PathBuf::from);
+    let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
+    check::not_among(&files, &outputs)?;
+    match options.is_folder() {
+        true => check::folder(output)?,
+        false => check::new_file(output, overwrite)?,
     }
+    check::report(report, &files, &outputs, overwrite)
 }

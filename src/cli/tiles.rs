@@ -1,17 +1,17 @@
 //! `terrane tiles`: terrain for the globe, at every level of detail.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::atomic;
+use terrane_options::changed;
+
+use crate::cli::operation::{self, Frame};
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, ground, lists, many, names, points, report, text};
-use crate::cloud;
+use crate::cli::shared::{Outcome, args, ground, lists, many, names, points, report, text};
 use crate::error::Result;
-use crate::jobs::Cancel;
-use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tiles::{self, Kept, TileOptions, TilesJob, TilesReport};
+use crate::jobs::options::GridInput;
+use crate::jobs::tiles::{self, CloudTilesOptions, TilesOptions, TilesReport};
 
 /// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail
 ///
@@ -31,40 +31,22 @@ pub(super) struct Args {
     pub(super) input: Vec<String>,
     #[arg(skip)]
     pub(super) output: PathBuf,
+    /// Folder to make, where it is not the last name
+    #[arg(short = 'o', long = "output", value_name = "FOLDER", help_heading = "Output")]
+    named: Option<PathBuf>,
+    /// Write the report to a file as JSON, too
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    report: Option<PathBuf>,
     #[command(flatten)]
-    wanted: Wanted,
-    /// Replace a folder of tiles that exists
-    #[arg(long, help_heading = "Tiles")]
-    overwrite: bool,
-    /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
-    /// be removed when the tiles are there
-    #[arg(long, value_name = "FOLDER", help_heading = "Resources")]
-    workdir: Option<PathBuf>,
-    #[command(flatten)]
-    disk: args::Disk,
-    #[command(flatten)]
-    pub(super) many: many::Many,
-    #[command(flatten)]
-    grid: args::Grid,
+    options: Tabled<TilesOptions>,
     #[command(flatten)]
     ground: ground::Ground,
     #[command(flatten)]
     points: points::Points,
     #[command(flatten)]
-    machine: args::SpillingMachine,
+    pub(super) many: many::Many,
     #[command(flatten)]
     show: args::Show,
-}
-
-/// What is asked of tiles.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Wanted {
-    #[command(flatten)]
-    pub(super) tiles: Tabled<TileOptions>,
-    /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their
-    /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
-    #[arg(long, value_name = "FILE", value_parser = names::any())]
-    pub(super) water: Option<String>,
 }
 
 impl Verb for Args {
@@ -79,7 +61,10 @@ impl Verb for Args {
     }
 
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
-        Some((&mut self.input, &mut self.output))
+        let Self { input, output, named, .. } = self;
+        let Some(named) = named.take() else { return Some((input, output)) };
+        *output = named;
+        None
     }
 
     fn many(&self) -> Option<&Many> {
@@ -87,78 +72,31 @@ impl Verb for Args {
     }
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        match self.many.are_clouds(&self.input)? {
-            true => of_cloud(self, call.cancel),
-            false => run(self, call.cancel),
+        let Self { input, output, report, many, show, .. } = self;
+        let frame = Frame { input, output, report: report.as_deref(), many, show };
+        let options = self.options.0.clone();
+        if many.are_clouds(input)? {
+            return operation::run(self.of_cloud(options)?, frame, call);
         }
+        self.ground.refuse(&input[0])?;
+        self.points.refuse(&input[0])?;
+        operation::run(options, frame, call)
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    args.disk.check_workdir(args.workdir.as_deref())?;
-    let resources = args.machine.resources();
-    let options = args.grid.open_options(&resources);
-    atomic::refuse_stdout(&args.output)?;
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
-    args.grid.check_all(&names)?;
-    args.ground.refuse(&names[0])?;
-    args.points.refuse(&names[0])?;
-    let results: Vec<&Path> =
-        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
-    check::not_inputs(&names, &results)?;
-    check::not_among(args.grid.clip.as_slice(), &results)?;
-    check::not_among(args.wanted.water.as_slice(), &results)?;
-    check::not_among(args.wanted.tiles.0.geoid.as_slice(), &results)?;
-    let job = args.wanted.tiles.0.job(TilesJob {
-        reading: args.grid.reading(args.wanted.water.as_ref()),
-        overwrite: args.overwrite,
-        resources,
-        ..TilesJob::new(names, &args.output)
-    })?;
-    let progress = args.show.progress();
-    let report = match &args.workdir {
-        None => tiles::run(&job, progress.as_ref(), cancel)?,
-        Some(folder) => {
-            let disk = args.disk.check();
-            tiles::run_in(folder, &job, &skipped, disk, progress.as_ref(), cancel)?
+impl Args {
+    /// The same of a cloud: tiles of a model of the ground.
+    fn of_cloud(&self, of_grid: TilesOptions) -> Result<CloudTilesOptions> {
+        let TilesOptions { tiles, replacing, grid, resuming, resources } = of_grid;
+        let GridInput { bounds, clip, water, .. } = grid;
+        let of_grids = GridInput { bounds: None, clip: None, water: None, ..grid };
+        if let Some(name) = changed(&of_grids).keys().next() {
+            let option = format!("‹{name}›");
+            return Err(args::refusal(&option, &self.input[0], "a point cloud"));
         }
-    };
-    tell(args, &report, &skipped)
-}
-
-/// Tiles of a model of the ground.
-fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    args.grid.refuse_cloud(&args.input[0])?;
-    args.disk.check_workdir(args.workdir.as_deref())?;
-    atomic::refuse_stdout(&args.output)?;
-    let resources = args.machine.resources();
-    let options = args.points.open_options(&args.grid, &resources)?;
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
-    let results: Vec<&Path> =
-        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
-    let beside = args.wanted.water.iter().chain(&args.wanted.tiles.0.geoid).cloned().collect();
-    let read =
-        [cloud::files(&names)?, args.grid.clip.clone().into_iter().collect(), beside].concat();
-    check::not_among(&read, &results)?;
-    let job = args.wanted.tiles.0.job(TilesJob {
-        reading: args.grid.reading(args.wanted.water.as_ref()),
-        overwrite: args.overwrite,
-        resources,
-        ..TilesJob::new("", &args.output)
-    })?;
-    let model = args.ground.model(names, args.many.reading(options));
-    let (folder, disk) = (args.workdir.as_deref(), args.disk.check());
-    let kept = folder.map(|folder| Kept { folder, skipped: &skipped, disk });
-    let report = tiles::run_cloud(&model, &job, kept, args.show.progress().as_ref(), cancel)?;
-    tell(args, &report, &skipped)
-}
-
-fn tell(args: &Args, report: &TilesReport, skipped: &[Skipped]) -> Result<Outcome> {
-    let told = report::WithSkipped { report, skipped };
-    args.show.tell(&told, || summary(report))?;
-    Ok(Outcome::Kept)
+        let (model, cloud) = (self.ground.options.0.clone(), self.points.input(bounds, clip));
+        Ok(CloudTilesOptions { tiles, model, water, replacing, cloud, resuming, resources })
+    }
 }
 
 pub(super) fn summary(r: &TilesReport) -> String {

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::run::{Run, output_settings, run_settings};
-use super::tiles::TilesBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Crs;
 use terrane_base::{Error, Result};
@@ -16,6 +15,7 @@ use terrane_jobs::grid::GridOptions;
 use terrane_jobs::operation::{AnyOperation, Call, Job, Operation, Request};
 use terrane_jobs::options::CloudInput;
 use terrane_jobs::plan::AnyPlan as Plan;
+use terrane_jobs::tiles::{CloudTilesOptions, ModelOptions};
 use terrane_jobs::translate::PointsOptions;
 use terrane_jobs::{Cancel, Progress, Resources};
 use terrane_options::changed;
@@ -262,8 +262,11 @@ impl Cloud {
     /// # Ok(())
     /// # }
     /// ```
-    pub fn tiles(&self, cell: impl Into<Option<f64>>) -> TilesBuilder<'_> {
-        TilesBuilder::of_cloud(self, cell.into())
+    pub fn tiles(&self, cell: impl Into<Option<f64>>) -> Job<'_, CloudTilesOptions> {
+        let cell = cell.into().map(|side| [side; 2]);
+        let model = ModelOptions { cell, ..ModelOptions::default() };
+        let cloud = self.reading.clone();
+        self.job(CloudTilesOptions { model, cloud, ..CloudTilesOptions::default() })
     }
 
     /// The proof of a mesh in a file against this cloud.

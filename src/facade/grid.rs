@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::tiles::TilesBuilder;
 use super::tin::TinBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Rect;
@@ -19,6 +18,7 @@ use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use terrane_jobs::tiles::TilesOptions;
 use terrane_jobs::{Cancel, Progress, Resources, memory};
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
@@ -388,9 +388,27 @@ impl Grid {
         operation.plan(&Call { request, reading, options }, task_size)
     }
 
-    /// Tiles of it for viewers of the globe.
-    pub fn tiles(&self) -> TilesBuilder<'_> {
-        TilesBuilder::of(self)
+    /// Tiles of it for viewers of the globe, in any system, at every level of detail: quantized-mesh 1.0, 3D Tiles 1.1, or
+    /// both. No sample is further from a tile, as a client decodes it, than clients take its level to be off by. Sources:
+    /// <https://github.com/CesiumGS/quantized-mesh>, <https://www.ogc.org/standards/3dtiles>.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let (dem, tiles) = (folder.path().join("dem.asc"), folder.path().join("tiles"));
+    /// # let row = "5 7 9 6\n";
+    /// # let text = format!("ncols 4\nnrows 4\nxllcenter 7\nyllcenter 46\ncellsize 0.01\n{}", row.repeat(4));
+    /// # std::fs::write(&dem, text).unwrap();
+    /// # std::fs::write(folder.path().join("dem.prj"), "EPSG:4326").unwrap();
+    /// let made = terrane::open(&dem)?.tiles().max_level(8).write(&tiles)?;
+    /// assert_eq!(made.levels.len(), 9);
+    /// assert!(made.levels.iter().all(|level| level.error <= level.tolerance)); // metres
+    /// assert!(tiles.join("layer.json").exists());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn tiles(&self) -> Job<'_, TilesOptions> {
+        self.job()
     }
 
     /// The proof of a mesh in a file against this grid.

@@ -134,8 +134,10 @@ const VALUES: &[(&str, &str, &str)] = &[
     ("buffer", "5", "{\"tile\": 25}"),
     ("buffer_mark", "\"synthetic\"", "{\"tile\": 25, \"buffer\": 5}"),
     ("tile_format", "\"las\"", "{\"tile\": 25}"),
-    ("workdir", "\"kept\"", "{\"tile\": 25}"),
-    ("disk_check", "false", "{\"tile\": 25, \"workdir\": \"kept\"}"),
+    ("points.workdir", "\"kept\"", "{\"tile\": 25}"),
+    ("points.disk_check", "false", "{\"tile\": 25, \"workdir\": \"kept\"}"),
+    ("workdir", "\"kept\"", "{}"),
+    ("disk_check", "false", "{\"workdir\": \"kept\"}"),
     ("points.to_crs", "\"EPSG:32632\"", "{}"),
 ];
 

@@ -41,7 +41,7 @@ fn compressed_sets_are_proved_and_small_and_their_bytes_are_the_same() {
             }
         }
     }
-    place.fails(&["tiles", "dem.asc", "x", "--meshopt"], 2, &["3D Tiles", "--meshopt"]);
+    place.fails(&["tiles", "dem.asc", "x", "--meshopt"], 2, &["--meshopt", "--format 3dtiles"]);
 }
 
 #[test]

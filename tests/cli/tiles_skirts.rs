@@ -43,7 +43,7 @@ fn skirts_are_proved_and_the_bytes_are_the_same() {
             assert_eq!(a, b, "{how:?}: {name}");
         }
     }
-    place.fails(&["tiles", "dem.asc", "x", "--skirts"], 2, &["quantized-mesh", "--skirts"]);
+    place.fails(&["tiles", "dem.asc", "x", "--skirts"], 2, &["--skirts", "--format 3dtiles"]);
 }
 
 /// A set whose bytes can be changed, and one of its tiles.

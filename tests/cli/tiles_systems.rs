@@ -197,7 +197,7 @@ fn heights_are_brought_to_the_ellipsoid_by_a_geoid() {
     };
     place.write("bad.gtx", "x");
     fails(&["--geoid", "bad.gtx"], 65, &["bad.gtx", "no sound GTX"]);
-    fails(&["--geoid", "none.gtx"], 65, &["none.gtx", "No such file"]);
+    fails(&["--geoid", "none.gtx"], 65, &["none.gtx", "no such file"]);
     place.fails(&["tiles", "g.asc", "g.gtx", "--geoid", "g.gtx", "--overwrite"], 2, &["g.gtx"]);
     plain(&place, [60, 60], [950_000.0, 5_150_000.0, 40.0], rough);
     place.write("g.prj", "EPSG:32632");

@@ -237,9 +237,9 @@ fn sides_are_followed_in_any_system() {
 #[test]
 fn masks_without_water_or_of_other_formats_are_refused() {
     let place = place(20);
-    place.fails(&["tiles", "dem.asc", "t", "--water-mask"], 2, &["what is water", "--water FILE"]);
+    place.fails(&["tiles", "dem.asc", "t", "--water-mask"], 2, &["--water-mask", "add --water"]);
     let three = ["tiles", "dem.asc", "t", "--water-mask", "--water", "lakes.wkt", "-f", "3dtiles"];
-    place.fails(&three, 2, &["quantized-mesh", "leave out --water-mask"]);
+    place.fails(&three, 2, &["--format quantized-mesh", "leave --water-mask out"]);
     let far = ["tiles", "dem.asc", "t", "--water-mask", "--water", "far.wkt"];
     place.write("far.wkt", wkt(&LAKES[3..], |at| at)).write("far.prj", "EPSG:4326");
     place.fails(&far, 65, &["far.wkt", "no water of this file lies on the grid"]);

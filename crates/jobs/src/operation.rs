@@ -178,7 +178,7 @@ pub trait Divisible: Operation {
     /// [`TASK_SIZE`](Self::TASK_SIZE) says, or as many as make a fair piece of work.
     ///
     /// # Errors
-    /// Those of [`run`](Self::run) that are found before the work; options that cannot act in pieces; a folder that
+    /// Those of [`run`](Operation::run) that are found before the work; options that cannot act in pieces; a folder that
     /// holds another plan or other files.
     fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<Self::Status>;
 }

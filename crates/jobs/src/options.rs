@@ -8,11 +8,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use terrane_options::{Codec, Kind, Named, Options, Range, Rule};
 
-use crate::grid::{Canopy, GroundFrom};
+use crate::grid::{Canopy, GridOptions, GroundFrom};
 use crate::line::Length;
-use crate::plan::as_text;
+use crate::plan::{DiskCheck, as_text};
+use crate::tiles::CloudTilesOptions;
 use crate::transform::Transform;
-use crate::translate::{Assign, Classify, Overlap, Thin};
+use crate::translate::{Assign, Classify, Overlap, PointsOptions, Thin};
 use crate::{Resources, memory, reading};
 use terrane_base::attribute::Return;
 use terrane_base::geom::{metres_in, wkt};
@@ -85,13 +86,13 @@ pub struct PointFilter {
 
 /// How clouds are read
 #[derive(Clone, Debug, PartialEq, Options)]
-#[options(heading = "Points", setters = group)]
+#[options(heading = "Points", setters = group, setters_for(GridOptions, PointsOptions, CloudTilesOptions))]
 pub struct CloudInput {
     /// Only points within this box, its borders included
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds, no_setter)]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds)]
     pub bounds: Option<[f64; 4]>,
     /// Only points inside the polygons of a file of features, in the system of the cloud
-    #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads, no_setter)]
+    #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads)]
     pub clip: Option<String>,
     /// Which points.
     #[option(flatten)]
@@ -156,6 +157,13 @@ pub struct Resuming {
         role = Run
     )]
     pub disk_check: bool,
+}
+
+impl Resuming {
+    /// Whether there has to be room on the disk.
+    pub fn disk(&self) -> DiskCheck {
+        if self.disk_check { DiskCheck::On } else { DiskCheck::Off }
+    }
 }
 
 const OF_RESUMING: &[Rule] = &[Rule::Needs("disk_check", &["workdir"])];
@@ -575,5 +583,45 @@ impl Codec<String> for ResamplingName {
 
     fn json(value: &String) -> Json {
         value.as_str().into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    /// What a codec makes of a text, as JSON again.
+    fn read<T, C: Codec<T>>(text: &str) -> Option<Json> {
+        C::parse(text).ok().map(|value| C::json(&value))
+    }
+
+    #[test]
+    fn values_are_read_from_texts_and_written_as_such() {
+        let cell = read::<[f64; 2], CellSize>;
+        assert_eq!(cell("1"), Some(json!([1.0, 1.0])));
+        assert_eq!(cell("0.5,2"), Some(json!([0.5, 2.0])));
+        assert!(["0", "-1", "a", "1,2,3", "1,0"].iter().all(|text| cell(text).is_none()));
+        let interval = read::<[f64; 2], Interval>;
+        assert_eq!(interval("-1.5,2"), Some(json!([-1.5, 2.0])));
+        assert_eq!(interval("-inf,2"), Some(json!([f64::MIN, 2.0])));
+        assert!(["2,1", "1", "a,b", "1,nan", "1,2,3"].iter().all(|text| interval(text).is_none()));
+        let place = read::<[f64; 2], Place>;
+        assert_eq!(place("-1.5,2"), Some(json!([-1.5, 2.0])));
+        assert!(place("1").is_none() && place("1,inf").is_none());
+        let mark = read::<Flags, MarkName>;
+        assert_eq!((mark("overlap"), mark("withhold")), (Some(json!("overlap")), None));
+        assert!(read::<String, StatisticList>("mean,modus").is_none());
+        for text in ["first", "last", "only", "3"] {
+            assert_eq!(read::<Return, AsNumber>(text), Some(json!(text)));
+        }
+        for text in ["auto", "2.5"] {
+            assert_eq!(read::<Overlap, AsNumber>(text), Some(json!(text)));
+        }
+        for number in 0..=11 {
+            let known = (number <= 10).then(|| json!(number));
+            assert_eq!(read::<PointFormat, PointFormatNumber>(&number.to_string()), known);
+        }
     }
 }

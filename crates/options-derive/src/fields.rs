@@ -38,6 +38,8 @@ struct Whole {
     rules: Option<Path>,
     /// Setters for builders of one operation (`own`) or of each that has the group (`group`).
     setters: Option<Ident>,
+    /// Operations whose builders have setters of the group, where others have one of the same name for something else.
+    setters_for: Vec<Path>,
 }
 
 /// What a field adds to each impl.
@@ -71,6 +73,11 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     let setters = match whole.setters.as_ref().map(Ident::to_string).as_deref() {
         None => TokenStream::new(),
         Some("own") => quote!(impl crate::operation::Job<'_, #name> { #(#setters)* }),
+        Some(_) if !whole.setters_for.is_empty() => {
+            let operations = &whole.setters_for;
+            let setters = quote!(#(#setters)*);
+            quote!(#(impl crate::operation::Job<'_, #operations> { #setters })*)
+        }
         Some(_) => quote! {
             impl<O: crate::operation::Has<#name>> crate::operation::Job<'_, O> { #(#setters)* }
         },
@@ -100,19 +107,23 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
 
 fn whole(attributes: &[Attribute]) -> Result<Whole> {
     let mut heading = LitStr::new("Options", proc_macro2::Span::call_site());
-    let (mut setters, mut rules) = (None, None);
+    let (mut setters, mut rules, mut setters_for) = (None, None, Vec::new());
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("options")) {
         attribute.parse_nested_meta(|meta| {
             match () {
                 () if meta.path.is_ident("heading") => heading = meta.value()?.parse()?,
                 () if meta.path.is_ident("setters") => setters = Some(meta.value()?.parse()?),
+                () if meta.path.is_ident("setters_for") => meta.parse_nested_meta(|operation| {
+                    setters_for.push(operation.path);
+                    Ok(())
+                })?,
                 () if meta.path.is_ident("rules") => rules = Some(meta.value()?.parse()?),
-                () => return Err(meta.error("expected heading, rules or setters")),
+                () => return Err(meta.error("expected heading, rules, setters or setters_for")),
             }
             Ok(())
         })?;
     }
-    Ok(Whole { heading, rules, setters })
+    Ok(Whole { heading, rules, setters, setters_for })
 }
 
 fn said(attributes: &[Attribute]) -> Result<Said> {

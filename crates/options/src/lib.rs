@@ -32,7 +32,8 @@
 //!
 //! `#[options(rules = ..)]` says which options go together; a rule that names none fails to compile.
 //! `#[options(setters = own)]` gives a builder `crate::operation::Job` a setter for each field, `setters = group` all
-//! builders of structs that have the group; no two groups may have one name then.
+//! builders of structs that have the group; no two groups may have one name then, but where the operations are named:
+//! `setters_for(TilesOptions)`.
 //!
 //! # Attributes of fields
 //!
@@ -53,6 +54,7 @@
 // The derives name this crate.
 extern crate self as terrane_options;
 
+pub mod as_map;
 mod codec;
 mod fill;
 mod rules;

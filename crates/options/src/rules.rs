@@ -5,7 +5,8 @@ use serde_json::{Map, Value as Json};
 use crate::{AnyValue, Field, Kind, Options, Table, texts_of, to_map};
 use terrane_base::error::{Error, Result};
 
-/// What options go with what. A term is the name of an option that is not at its default, or `name=value`.
+/// What options go with what. A term is the name of an option that is not at its default, or `name=value`, which of several
+/// values is one.
 #[derive(Clone, Copy, Debug)]
 pub enum Rule {
     /// Exactly one of these, which say what the second field names.
@@ -95,7 +96,10 @@ impl Given {
     /// Whether a term is so.
     fn is(&self, term: &str) -> bool {
         match term.split_once('=') {
-            Some((name, value)) => self.now.get(name).is_some_and(|now| text(now) == value),
+            Some((name, value)) => match self.now.get(name) {
+                Some(Json::Array(several)) => several.iter().any(|now| text(now) == value),
+                now => now.is_some_and(|now| text(now) == value),
+            },
             None => self.now.get(term) != self.defaults.get(term),
         }
     }

@@ -127,7 +127,8 @@ pub(crate) fn only_grids(option: &str, input: &str) -> Result<()> {
     if is_mesh(input).unwrap_or(false) { Err(refusal(option, input, "a mesh")) } else { Ok(()) }
 }
 
-fn refusal(option: &str, input: &str, what: &str) -> Error {
+/// The error of an option that is for grid files, given with `what`.
+pub(crate) fn refusal(option: &str, input: &str, what: &str) -> Error {
     Error::usage(format!("{option} is for grid files, and this is {what}"))
         .in_file(&path_of(input))
         .remedy(format!("leave {option} out"))

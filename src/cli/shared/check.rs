@@ -77,16 +77,11 @@ fn refuse_address(path: &Path) -> Result<()> {
 /// Fails when `path` cannot become a folder: a file is there.
 pub(crate) fn folder(path: &Path) -> Result<()> {
     if path.exists() && !path.is_dir() {
-        return Err(Error::usage("is a file, and several inputs go into a folder")
+        return Err(Error::usage("is a file, and a folder is to be made")
             .in_file(path)
             .remedy("name a folder, which need not exist"));
     }
     refuse_address(path)
-}
-
-/// Fails when one of `outputs` is one of the files that `inputs` stand for, or another output.
-pub(crate) fn not_inputs(inputs: &[String], outputs: &[&Path]) -> Result<()> {
-    not_among(&raster::files(inputs)?, outputs)
 }
 
 /// Fails when `report` cannot become a new file that is none of the files `read`, none of the `results`,
@@ -146,8 +141,6 @@ mod tests {
         let told = input(&"n".repeat(300)).unwrap_err().to_string();
         assert!(told.contains("cannot read"), "a name that no file can have: {told}");
         assert!(input(&name(folder.path())).is_ok(), "a folder of grids");
-        assert!(not_inputs(&[name(folder.path())], &[&folder.path().join("./a.tif")]).is_err());
-        assert!(not_inputs(&[name(&file)], &[&folder.path().join("b.tif")]).is_ok());
         assert_eq!(new_file(&file, false).unwrap_err().kind(), ErrorKind::Usage);
         assert!(new_file(&file, true).is_ok());
         assert!(new_file(folder.path(), true).is_err());

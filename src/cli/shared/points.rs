@@ -24,8 +24,12 @@ impl Points {
     /// # Errors
     /// A file of polygons that cannot be read.
     pub(crate) fn open_options(&self, place: &Grid, resources: &Resources) -> Result<OpenOptions> {
-        let (bounds, clip) = (place.bounds, place.clip.clone());
-        CloudInput { bounds, clip, points: self.filter.0.clone() }.options(resources)
+        self.input(place.bounds, place.clip.clone()).options(resources)
+    }
+
+    /// How clouds are read, within bounds and polygons.
+    pub(crate) fn input(&self, bounds: Option<[f64; 4]>, clip: Option<String>) -> CloudInput {
+        CloudInput { bounds, clip, points: self.filter.0.clone() }
     }
 
     /// Fails when any of these options was given, because `input` is no cloud.

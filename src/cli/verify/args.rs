@@ -140,11 +140,9 @@ impl Args {
     /// Refuses what tiles alone are held to, as `what` is proved.
     pub(crate) fn refuse_of_tiles(&self, what: &str) -> Result<()> {
         self.refuse(given("--geoid", self.geoid.is_some()), "terrain tiles", what)?;
-        self.refuse(
-            self.ground.given().map(|option| (option, option.to_owned())),
-            "terrain tiles",
-            what,
-        )
+        let ground = self.ground.given();
+        let given = ground.as_ref().map(|option| (option.as_str(), option.clone()));
+        self.refuse(given, "terrain tiles", what)
     }
 
     /// Refuses what meshes alone are held to, as tiles are proved.

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::{TilesJob, TilesReport};
+use super::{ModelOptions, TilesJob, TilesReport};
 use crate::beside;
 use crate::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
-use crate::grid::{self, GridJob, GroundFrom, Placement, Preset};
+use crate::grid::{self, GridJob, Placement, Preset};
 use crate::plan::DiskCheck;
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources};
@@ -31,10 +31,8 @@ pub struct GroundModel {
     pub input: Vec<String>,
     /// How they are read.
     pub cloud: OpenOptions,
-    /// Sides of a cell (x, y), in world units; about the distance between points when `None`.
-    pub cell: Option<[f64; 2]>,
-    /// Which points are ground.
-    pub ground: GroundFrom,
+    /// Its cells, and which points are ground.
+    pub model: ModelOptions,
 }
 
 /// Where what is done is kept, and how it is gone on with.
@@ -70,7 +68,7 @@ pub fn run_cloud(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesReport> {
-    super::check_formats(job)?;
+    super::check_formats(&job.tiles)?;
     let resources = &job.resources;
     let made = match kept {
         None => {
@@ -167,8 +165,8 @@ impl GroundModel {
         let model = GridJob {
             cloud: self.cloud.clone(),
             format: Some(FORMAT.to_owned()),
-            ground: self.ground,
-            placement: Placement { cell: self.cell, ..Placement::default() },
+            ground: self.model.ground,
+            placement: Placement { cell: self.model.cell, ..Placement::default() },
             resources: resources.clone(),
             ..model
         };

@@ -70,15 +70,16 @@ impl Made {
         (known, water): (&Known, Option<&[u8]>),
     ) -> Result<Self> {
         let job = &opened.job;
-        let normals = job.normals.then_some((level, ground));
-        let (bytes, facts) = match job.formats[set] {
+        let normals = job.tiles.normals.then_some((level, ground));
+        let (bytes, facts) = match job.tiles.format[set] {
             Format::QuantizedMesh => {
                 let below = below(tile.id, opened.division.last, known);
                 let extras = Extras { available: below.as_deref(), water };
                 (quantized_mesh(tile, normals, extras)?, None)
             }
             Format::ThreeTiles => {
-                let (edges, meshopt, skirt) = (job.tile_edges, job.meshopt, level.skirt);
+                let (edges, meshopt, skirt) =
+                    (job.tiles.tile_edges, job.tiles.meshopt, level.skirt);
                 let (bytes, facts) = glb(tile, normals, Form { edges, meshopt, skirt })?;
                 (bytes, Some(facts))
             }
@@ -90,7 +91,7 @@ impl Made {
             vertices: tile.vertices.len() as u32,
             triangles: tile.triangles.len() as u32,
             facts,
-            bytes: if job.compress { packed(&bytes)? } else { bytes },
+            bytes: if job.tiles.gzip { packed(&bytes)? } else { bytes },
         })
     }
 }
@@ -127,7 +128,7 @@ impl Folder {
     pub(super) fn create(job: &TilesJob) -> Result<Self> {
         check_ending(&job.output)?;
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
-        let (formats, compress) = (job.formats.clone(), job.compress);
+        let (formats, compress) = (job.tiles.format.clone(), job.tiles.gzip);
         Ok(Self { folder, formats, compress, held: Mutex::default() })
     }
 
@@ -267,7 +268,7 @@ fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
     let told = rows.map(|((_, level), row)| {
         let of_level = &ground.levels[set][usize::from(*level)];
         LevelReport {
-            format: ground.opened.job.formats[set].name().to_owned(),
+            format: ground.opened.job.tiles.format[set].name().to_owned(),
             level: *level,
             tolerance: level_error(*level).max(row.largest),
             step: of_level.step,
@@ -320,8 +321,11 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
         json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
     });
     let levels: Vec<Value> = levels.collect();
-    let extensions =
-        [(job.normals, "octvertexnormals"), (job.water_mask, "watermask"), (true, "metadata")];
+    let extensions = [
+        (job.tiles.normals, "octvertexnormals"),
+        (job.tiles.water_mask, "watermask"),
+        (true, "metadata"),
+    ];
     let extensions: Vec<&str> =
         extensions.into_iter().filter(|(is, _)| *is).map(|(_, name)| name).collect();
     json!({
@@ -344,7 +348,7 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
             "version": env!("CARGO_PKG_VERSION"),
             "source": crate::beside::source(&job.input),
             "voids": "filled",
-            "beyond": job.beyond.name(),
+            "beyond": job.tiles.beyond.name(),
             "heights": ground.opened.heights.from,
             "levels": levels,
         },

@@ -35,6 +35,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
+use terrane_options::check;
 
 use crate::beside;
 use crate::figures::Figures;
@@ -50,7 +51,7 @@ use division::Division;
 use folder::Folder;
 pub use format::Format;
 use mask::Mask;
-pub use options::{TileOptions, TilesOptions};
+pub use options::{CloudTilesOptions, ModelOptions, TileOptions, TilesOptions};
 pub(crate) use place::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 use place::{Heights, Place};
 pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
@@ -80,31 +81,9 @@ pub struct TilesJob {
     /// Replace a folder of tiles that exists.
     #[serde(skip)]
     pub overwrite: bool,
-    /// The name of a file with the heights of the geoid that the grid's are counted from (GTX).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub geoid: Option<String>,
-    /// What to write: of several formats, a folder in the output for each, by its name.
-    pub formats: Vec<Format>,
-    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges).
-    pub tile_edges: bool,
-    /// Compress what is in a tile of 3D Tiles (EXT_meshopt_compression).
-    #[serde(default)]
-    pub meshopt: bool,
-    /// Hang a skirt from the sides of each tile of 3D Tiles.
-    #[serde(default)]
-    pub skirts: bool,
-    /// Tell of each tile of quantized-mesh which pixels are water, of the polygons of `reading.water`.
-    #[serde(default)]
-    pub water_mask: bool,
-    /// The deepest level; that of the grid's resolution when `None`.
-    pub max_level: Option<u8>,
-    /// The ground beyond the grid.
-    #[serde(default)]
-    pub beyond: Beyond,
-    /// Write a normal for each vertex.
-    pub normals: bool,
-    /// Compress each file (gzip).
-    pub compress: bool,
+    /// What tiles hold.
+    #[serde(with = "terrane_options::as_map")]
+    pub tiles: TileOptions,
     /// What the job may use.
     #[serde(skip)]
     pub resources: Resources,
@@ -118,16 +97,7 @@ impl TilesJob {
             reading: GridInput::default(),
             output: output.into(),
             overwrite: false,
-            geoid: None,
-            formats: vec![Format::QuantizedMesh],
-            tile_edges: false,
-            meshopt: false,
-            skirts: false,
-            water_mask: false,
-            max_level: None,
-            beyond: Beyond::default(),
-            normals: true,
-            compress: true,
+            tiles: TileOptions::default(),
             resources: Resources::default(),
         }
     }
@@ -194,8 +164,9 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
     refuse_held(job.input.names())?;
     let (input, reading) = (job.input.resolve()?, job.reading.absolute()?);
-    let geoid = job.geoid.as_deref().map(beside::absolute).transpose()?;
-    let opened = Opened::new(&TilesJob { input, reading, geoid, ..job.clone() })?;
+    let geoid = job.tiles.geoid.as_deref().map(beside::absolute).transpose()?;
+    let tiles = TileOptions { geoid, ..job.tiles.clone() };
+    let opened = Opened::new(&TilesJob { input, reading, tiles, ..job.clone() })?;
     let tiles = Tiles::new(&opened, *cut)?;
     let files = opened.files();
     let there = Plan::<Tiles>::there(folder);
@@ -245,18 +216,18 @@ pub fn run_in(
 
 impl Opened {
     fn new(job: &TilesJob) -> Result<Self> {
-        if let Some(level) = job.max_level.filter(|level| *level > DEEPEST) {
+        if let Some(level) = job.tiles.max_level.filter(|level| *level > DEEPEST) {
             return Err(Error::usage(format!("level {level} is too deep"))
                 .remedy(format!("choose {DEEPEST} at most")));
         }
-        check_formats(job)?;
+        check_formats(&job.tiles)?;
         let options = job.reading.options(&job.resources, 0)?;
         let seen = memory::look_at(&job.input, &options)?;
-        let (input, resources) = ((&job.input, job.geoid.as_deref()), &job.resources);
+        let (input, resources) = ((&job.input, job.tiles.geoid.as_deref()), &job.resources);
         let (chart, heights) = place::of(seen.info(), input, resources)?;
-        let chart = chart.sloping(job.beyond.slope());
-        let last = job.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
-        let water = options.water.as_ref().filter(|_| job.water_mask);
+        let chart = chart.sloping(job.tiles.beyond.slope());
+        let last = job.tiles.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
+        let water = options.water.as_ref().filter(|_| job.tiles.water_mask);
         let mask = |water: &Arc<Water>| Mask::of(water, seen.info(), last, resources);
         let mask = water.map(mask).transpose()?;
         let division = Division::new(Place::of(&chart), last);
@@ -286,7 +257,7 @@ impl Opened {
     /// The files that are read.
     fn files(&self) -> Vec<PathBuf> {
         let Self { job, grid, .. } = self;
-        let geoid = job.geoid.iter().map(PathBuf::from);
+        let geoid = job.tiles.geoid.iter().map(PathBuf::from);
         plan::grid_files(&job.input, &job.reading, &**grid).into_iter().chain(geoid).collect()
     }
 
@@ -331,7 +302,7 @@ impl<'a> Ground<'a> {
     fn new(opened: &'a Opened, overview: &'a Overview) -> Self {
         let reliefs = overview.reliefs(opened.division.last);
         let of_set = |format: &Format| levels(*format, opened, overview.ends(), &reliefs);
-        let levels = opened.job.formats.iter().map(of_set).collect();
+        let levels = opened.job.tiles.format.iter().map(of_set).collect();
         Self { opened, overview, levels }
     }
 
@@ -396,49 +367,27 @@ impl<'a> Ground<'a> {
 }
 
 /// Fails where no format is asked for, one twice, or what a format has not.
-fn check_formats(job: &TilesJob) -> Result<()> {
-    let is_twice = |i: usize| job.formats[..i].contains(&job.formats[i]);
-    if job.formats.is_empty() || (0..job.formats.len()).any(is_twice) {
+fn check_formats(tiles: &TileOptions) -> Result<()> {
+    let is_twice = |i: usize| tiles.format[..i].contains(&tiles.format[i]);
+    if tiles.format.is_empty() || (0..tiles.format.len()).any(is_twice) {
         return Err(Error::usage("a format of tiles is asked for twice, or none")
             .remedy("name each format once"));
     }
-    let options = [
-        (job.tile_edges, "edges of tiles belong", "‹tile_edges›"),
-        (job.meshopt, "compressed meshes belong", "‹meshopt›"),
-        (
-            job.skirts,
-            "clients of quantized-mesh hang skirts of their own from the sides that tiles list: those of tiles belong",
-            "‹skirts›",
-        ),
-    ];
-    let is_of_others = !job.formats.contains(&Format::ThreeTiles);
-    if let Some((_, what, option)) = options.iter().find(|(is, ..)| *is && is_of_others) {
-        return Err(Error::usage(format!("{what} to 3D Tiles"))
-            .remedy(format!("pass ‹format› 3dtiles, or leave out {option}")));
-    }
-    if job.water_mask && !job.formats.contains(&Format::QuantizedMesh) {
-        return Err(Error::usage("masks of water belong to quantized-mesh: 3D Tiles have none")
-            .remedy("pass ‹format› quantized-mesh, or leave out ‹water_mask›"));
-    }
-    if job.water_mask && job.reading.water.is_none() {
-        return Err(Error::usage("a mask of water needs to be told what is water")
-            .remedy("pass ‹water› FILE, or leave out ‹water_mask›"));
-    }
-    Ok(())
+    check(tiles)
 }
 
 /// The levels of a set, of heights in a range.
 fn levels(format: Format, opened: &Opened, range: [f64; 2], reliefs: &[Relief]) -> Vec<Level> {
-    let Opened { job: TilesJob { meshopt, skirts, .. }, division, .. } = opened;
+    let Opened { job: TilesJob { tiles, .. }, division, .. } = opened;
     let mut levels: Vec<Level> = Vec::with_capacity(reliefs.len());
     for (number, relief) in (0..).zip(reliefs) {
         let level = Level::new(number, division.place.spacing, relief);
         levels.push(match format {
             Format::QuantizedMesh => level,
             Format::ThreeTiles => {
-                let level = if *skirts { level.with_skirts(levels.last()) } else { level };
+                let level = if tiles.skirts { level.with_skirts(levels.last()) } else { level };
                 let level = level.on_lattice(range);
-                if *meshopt { in_shorts(level) } else { level }
+                if tiles.meshopt { in_shorts(level) } else { level }
             }
         });
     }

@@ -2,18 +2,22 @@
 
 use std::path::Path;
 
-use terrane_options::{Options, Range, check};
+use terrane_options::{Options, Range, Rule};
 
-use super::{Beyond, Format, PlanJob, StatusReport, TilesJob, TilesReport, plan_tiles, run};
+use super::{
+    Beyond, Format, GroundModel, Kept, PlanJob, StatusReport, TilesJob, TilesReport, check_formats,
+    plan_tiles, run, run_cloud, run_in,
+};
 use crate::Resources;
+use crate::grid::GroundFrom;
 use crate::operation::{Divisible, Operation, Request, Writes};
-use crate::options::{FileName, GridInput, Replacing};
+use crate::options::{AsText, CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
 use terrane_base::error::Result;
 use terrane_raster::Inputs;
 
 /// What tiles hold
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
-#[options(heading = "Tiles")]
+#[options(heading = "Tiles", rules = OF_FORMATS, setters = group, setters_for(TilesOptions, CloudTilesOptions))]
 pub struct TileOptions {
     /// What to write; of several, a folder for each inside of the output
     #[option(short = 'f', value = "FORMAT", default = vec![Format::QuantizedMesh], default_text = "quantized-mesh")]
@@ -55,38 +59,23 @@ pub struct TileOptions {
     pub water_mask: bool,
 }
 
-impl TileOptions {
-    /// The job with what is asked for.
-    ///
-    /// # Errors
-    /// Usage: values that cannot be.
-    pub fn job(&self, job: TilesJob) -> Result<TilesJob> {
-        check(self)?;
-        Ok(TilesJob {
-            geoid: self.geoid.clone(),
-            formats: self.format.clone(),
-            tile_edges: self.tile_edges,
-            meshopt: self.meshopt,
-            skirts: self.skirts,
-            water_mask: self.water_mask,
-            max_level: self.max_level,
-            beyond: self.beyond,
-            normals: self.normals,
-            compress: self.gzip,
-            ..job
-        })
-    }
-}
+const OF_FORMATS: &[Rule] = &[
+    Rule::Needs("tile_edges", &["format=3dtiles"]),
+    Rule::Needs("meshopt", &["format=3dtiles"]),
+    Rule::Needs("skirts", &["format=3dtiles"]),
+    Rule::Needs("water_mask", &["format=quantized-mesh"]),
+];
 
 /// Make terrain tiles of a grid for viewers of the globe, at every level of detail
 ///
 /// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the grid, and
 /// layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it
 /// on the bent earth, than clients take its level to be off by (77 km at level 0, half as much at each further one), or than
-/// its level states where the steps of its positions cannot tell samples apart. Tiles beside each other have the same
-/// border. Voids are spanned. The grid may be in any system; its samples are brought to WGS 84, and none is made up.
+/// its level states where the steps of its positions cannot tell samples apart; each tile says how far its samples are at the
+/// most. Tiles beside each other have the same border. Voids are spanned. The grid may be in any system; its samples are
+/// brought to WGS 84, and none is made up. Heights are taken from the ellipsoid on, or brought there with ‹geoid›.
 #[derive(Clone, Debug, PartialEq, Options)]
-#[options(setters = own)]
+#[options(setters = own, rules = OF_WATER)]
 pub struct TilesOptions {
     /// What tiles hold.
     #[option(flatten)]
@@ -97,9 +86,57 @@ pub struct TilesOptions {
     /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
+    /// Where work is kept.
+    #[option(flatten)]
+    pub resuming: Resuming,
     /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
+}
+
+/// Make terrain tiles of a point cloud for viewers of the globe, by way of a model of its ground
+///
+/// The model is the one that terrane grid ‹dtm› makes, and the samples of tiles are those of the model.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = OF_WATER)]
+pub struct CloudTilesOptions {
+    /// What tiles hold.
+    #[option(flatten)]
+    pub tiles: TileOptions,
+    /// The model of the ground.
+    #[option(flatten)]
+    pub model: ModelOptions,
+    /// Water of a file of features, in the system of the cloud, made level
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub water: Option<String>,
+    /// What is there already.
+    #[option(flatten)]
+    pub replacing: Replacing,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// Where work is kept.
+    #[option(flatten)]
+    pub resuming: Resuming,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const OF_WATER: &[Rule] = &[Rule::Needs("water_mask", &["water"])];
+
+/// The model of the ground of a cloud
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Model of the ground", setters = group, setters_for(CloudTilesOptions))]
+pub struct ModelOptions {
+    /// Side of a cell of the model of a cloud, or its width and height, in the units of the CRS
+    #[option(value = "SIZE", with = CellSize,
+             default_text = "the distance between points as the headers tell it, rounded up to 1, 2 or 5 times a power of ten")]
+    pub cell: Option<[f64; 2]>,
+    /// Which points of a cloud are ground, as in terrane grid: class, a method with its parameters, or auto: by class if there
+    /// are any, else by the method adaptive
+    #[option(value = "HOW", with = AsText)]
+    pub ground: GroundFrom,
 }
 
 impl Operation for TilesOptions {
@@ -109,23 +146,28 @@ impl Operation for TilesOptions {
     type Report = TilesReport;
 
     fn check(&self, _output: &Path) -> Result<()> {
-        Ok(())
+        check_formats(&self.tiles)
     }
 
     fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let job = self.job(request.inputs, request.output)?;
-        run(&job, request.progress, request.cancel)
+        let Request { inputs, output, skipped, progress, cancel } = request;
+        let job = self.job(inputs, output);
+        match &self.resuming.workdir {
+            None => run(&job, progress, cancel),
+            Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
+        }
     }
 }
 
 impl TilesOptions {
-    fn job(&self, inputs: &Inputs, output: &Path) -> Result<TilesJob> {
-        self.tiles.job(TilesJob {
+    fn job(&self, inputs: &Inputs, output: &Path) -> TilesJob {
+        TilesJob {
             reading: self.grid.clone(),
             overwrite: self.replacing.overwrite,
+            tiles: self.tiles.clone(),
             resources: self.resources.clone(),
             ..TilesJob::new(inputs.clone(), output)
-        })
+        }
     }
 }
 
@@ -136,8 +178,39 @@ impl Divisible for TilesOptions {
 
     fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
         let Request { inputs, output: folder, skipped, .. } = request;
-        let job = self.job(inputs, &folder.join("tiles"))?;
+        let job = self.job(inputs, &folder.join("tiles"));
         let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
         plan_tiles(&PlanJob { job, folder, cut: task_size, skipped })
+    }
+}
+
+impl Operation for CloudTilesOptions {
+    const NAME: &'static str = "tiles";
+    type Input = CloudInput;
+    const WRITES: Writes = Writes::Tiles;
+    type Report = TilesReport;
+
+    fn check(&self, _output: &Path) -> Result<()> {
+        check_formats(&self.tiles)
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
+        let Request { inputs, output, skipped, progress, cancel } = request;
+        let job = TilesJob {
+            reading: GridInput { water: self.water.clone(), ..GridInput::default() },
+            overwrite: self.replacing.overwrite,
+            tiles: self.tiles.clone(),
+            resources: self.resources.clone(),
+            ..TilesJob::new("", output)
+        };
+        let model = GroundModel {
+            input: inputs.names().to_vec(),
+            cloud: self.cloud.options(&self.resources)?,
+            model: self.model.clone(),
+        };
+        let disk = self.resuming.disk();
+        let kept = self.resuming.workdir.as_deref();
+        let kept = kept.map(|folder| Kept { folder, skipped, disk });
+        run_cloud(&model, &job, kept, progress, cancel)
     }
 }

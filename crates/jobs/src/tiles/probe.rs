@@ -44,7 +44,7 @@ impl Seen {
 /// Bytes of all tiles in objects, and as files on disk.
 pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     let division = &opened.division;
-    let formats = opened.job.formats.len() as f64;
+    let formats = opened.job.tiles.format.len() as f64;
     if division.near > division.last {
         let above = division.above(division.far_end()).len() as f64 * formats;
         return Ok([above * FAR, above * FAR].map(|bytes| bytes as u64));

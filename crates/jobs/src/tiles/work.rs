@@ -222,7 +222,15 @@ impl Work for Tiles {
     fn tell(&self) -> StatusReport<TilesStatus> {
         StatusReport {
             input: self.method.job.input.to_string(),
-            format: self.method.job.formats.iter().map(|f| f.name()).collect::<Vec<_>>().join(", "),
+            format: self
+                .method
+                .job
+                .tiles
+                .format
+                .iter()
+                .map(|f| f.name())
+                .collect::<Vec<_>>()
+                .join(", "),
             of: TilesStatus { max_level: self.method.last, samples: self.grid.samples() },
             ..StatusReport::default()
         }
@@ -235,9 +243,9 @@ impl Work for Tiles {
     fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Ready> {
         let Order { output, overwrite, resources, .. } = order;
         let Self { method, grid } = &plan.work;
-        let job = method.job.clone();
-        let max_level = Some(method.last);
-        let opened = Opened::new(&TilesJob { output, overwrite, resources, max_level, ..job })?;
+        let mut job = TilesJob { output, overwrite, resources, ..method.job.clone() };
+        job.tiles.max_level = Some(method.last);
+        let opened = Opened::new(&job)?;
         grid.check(plan, &*opened.grid, (&method.job.input, opened.files()))?;
         Ok(Ready { opened, overview: OnceLock::new() })
     }

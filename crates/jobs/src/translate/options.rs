@@ -17,7 +17,7 @@ use crate::operation::{Divisible, Operation, Request, Writes};
 use crate::options::{
     AsFormula, AsNumber, AsText, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
-use crate::plan::{DiskCheck, PlanJob};
+use crate::plan::PlanJob;
 use terrane_base::error::Result;
 use terrane_cloud::{LasVersion, OpenOptions, PointFormat};
 
@@ -46,7 +46,7 @@ pub struct PointsOptions {
     /// HeightAboveGround of their extra bytes, or as their z
     #[option(value = "AS", alias = "heights", bare = "dimension", heading = "Ground")]
     pub height_above_ground: Option<HeightsAs>,
-    /// Give points classes: noise[:METHOD] (7 for those that a method finds to be noise), ground (2 for those of
+    /// Give points classes: noise or noise:METHOD (7 for those that a method finds to be noise), ground (2 for those of
     /// classes 0 to 5 found to be ground, 1 for others that were; more classes take part with
     /// ground:reclassify=CLASS,...), or height:CLASS=FROM,... (those of no class, by their height above the
     /// ground); each may be given
@@ -184,8 +184,7 @@ impl Operation for PointsOptions {
         let job = self.job(inputs.names(), output)?;
         let Some(folder) = &self.resuming.workdir else { return run(&job, progress, cancel) };
         let start = Instant::now();
-        let disk = if self.resuming.disk_check { DiskCheck::On } else { DiskCheck::Off };
-        let written = run_in(folder, &job, skipped, disk, progress, cancel)?;
+        let written = run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel)?;
         let run = Figures::since(start, &self.resources);
         Ok(TranslateReport { run, ..TranslateReport::from(written) })
     }

@@ -1,0 +1,26 @@
+//! Options in files, by their names: `#[serde(with = "terrane_options::as_map")]`.
+
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::{Map, Value as Json};
+
+use crate::{Options, check, fill, to_map};
+
+/// Writes all values by name.
+///
+/// # Errors
+/// Those of the writer.
+pub fn serialize<O: Options, S: Serializer>(options: &O, out: S) -> Result<S::Ok, S::Error> {
+    to_map(options).serialize(out)
+}
+
+/// Reads values by name; others are at their defaults.
+///
+/// # Errors
+/// Those of the reader; a name of no option; a value that is none, or goes with no other.
+pub fn deserialize<'a, O: Options, D: Deserializer<'a>>(from: D) -> Result<O, D::Error> {
+    let given = Map::<String, Json>::deserialize(from)?;
+    let options: O = fill(&given).map_err(D::Error::custom)?;
+    check(&options).map_err(D::Error::custom)?;
+    Ok(options)
+}
