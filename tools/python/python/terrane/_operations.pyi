@@ -420,6 +420,8 @@ def tiles(
     bounds: float | Sequence[float] | None = None,
     clip: Features | None = None,
     water: Features | None = None,
+    workdir: Path | None = None,
+    disk_check: bool = True,
     threads: int | None = None,
     memory: int | str | None = None,
     temp_dir: Path | None = None,
