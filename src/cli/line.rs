@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{Options, check as check_options};
+use terrane_options::{Options, check_given};
 
 use crate::atomic;
 use crate::cli::operation::needed;
@@ -80,7 +80,7 @@ impl Verb for Args {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let options = &args.options.0;
-    check_options(options)?;
+    check_given(options, &args.options.1)?;
     let resources = &options.resources;
     let (mut input, mut output) = (args.input.clone(), args.output.clone());
     let holds = pipes::Holds::Features(args.input_format.as_deref());

@@ -32,8 +32,8 @@ fn run(args: &Args, command: &Command) -> Result<Outcome> {
     atomic::create_folders(&args.dir)?;
     let mut command = command.clone().disable_help_subcommand(true);
     command.build();
-    let verbs =
-        command.get_subcommands().filter(|verb| !verb.is_hide_set()).cloned().collect::<Vec<_>>();
+    let mut verbs = Vec::new();
+    told_of(&command, &mut verbs);
     for page in std::iter::once(command).chain(verbs) {
         let name = page.get_display_name().unwrap_or(page.get_name()).to_owned();
         let path = args.dir.join(format!("{name}.1"));
@@ -43,6 +43,14 @@ fn run(args: &Args, command: &Command) -> Result<Outcome> {
         say::result(&format!("{}\n", path.display()))?;
     }
     Ok(Outcome::Kept)
+}
+
+/// All verbs that help tells of, those of plans among them.
+fn told_of(command: &Command, verbs: &mut Vec<Command>) {
+    for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
+        verbs.push(verb.clone());
+        told_of(verb, verbs);
+    }
 }
 
 fn render(page: Command) -> Result<Vec<u8>> {

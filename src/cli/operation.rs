@@ -3,9 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{
-    Field, Options, Rule, Table, changed, check as check_options, set_texts, to_map,
-};
+use terrane_options::{Field, Options, Rule, Table, changed, check_given, set_texts, to_map};
 
 use crate::atomic;
 use crate::cli::shared::many::Many;
@@ -123,7 +121,7 @@ impl Opening {
 
 impl Source for GridInput {
     const NAMES: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in \
-                                 quotes are one mosaic. The last name is that of the file to write";
+                                 quotes are one mosaic. The last name is that of the output";
     const NAMES_PLANNED: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in quotes are one mosaic";
     const STDIN: pipes::Holds<'static> = pipes::Holds::Grid;
 
@@ -161,9 +159,9 @@ impl Source for GridInput {
 
 impl Source for CloudInput {
     const NAMES: &'static str = "Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a \
-                                 pattern in quotes are one cloud. The last name is that of the file or folder to write";
-    const NAMES_PLANNED: &'static str = "LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, \
-                                         a list or a pattern in quotes are one cloud";
+                                 pattern in quotes are one cloud. The last name is that of the output";
+    const NAMES_PLANNED: &'static str = "Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a \
+                                         pattern in quotes are one cloud";
     const STDIN: pipes::Holds<'static> = pipes::Holds::Points;
 
     /// Where points lie is no matter.
@@ -258,7 +256,9 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
         let Self { output, report, many, show, .. } = self;
         let (mut options, mut input) = (self.options.0.clone(), self.input.clone());
         take_positional(&mut options, &mut input)?;
-        run(options, Frame { input: &input, output, report: report.as_deref(), many, show }, call)
+        let given = self.options.1.as_slice();
+        let frame = Frame { input: &input, output, given, report: report.as_deref(), many, show };
+        run(options, frame, call)
     }
 }
 
@@ -266,6 +266,8 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
 pub(super) struct Frame<'a> {
     pub(super) input: &'a [String],
     pub(super) output: &'a Path,
+    /// The names of options that were given.
+    pub(super) given: &'a [&'static str],
     pub(super) report: Option<&'a Path>,
     pub(super) many: &'a Many,
     pub(super) show: &'a args::Show,
@@ -276,13 +278,16 @@ pub(super) fn run<O>(mut options: O, frame: Frame<'_>, call: &Call<'_>) -> Resul
 where
     O: Operation<Input: Source, Report: Summary> + Has<Replacing>,
 {
-    let Frame { input, output, report, many, show } = frame;
-    let (mut input, mut output) = (input.to_vec(), output.to_path_buf());
-    check_options(&options)?;
+    let Frame { input: named_input, output, given, report, many, show } = frame;
+    let (mut input, mut output) = (named_input.to_vec(), output.to_path_buf());
+    check_given(&options, given)?;
     let reading = O::Input::clone(options.part());
     let resources = Resources::clone(options.part());
     let opening = reading.opening(&resources)?;
     let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
+    if named(&options, "workdir").is_some() {
+        stdin.refuse("‹workdir›")?;
+    }
     let stdout = match O::WRITES {
         Writes::Lines => {
             let format = named(&options, "format");
@@ -293,7 +298,10 @@ where
     input = many.find(&input, opening.kind())?;
     input.iter().try_for_each(|name| reading.check(name, many))?;
     options.check(&output)?;
-    check_files(&options, &input, &output, report)?;
+    // A list of files is read, too.
+    let lists = named_input.iter().filter_map(|name| name.strip_prefix('@')).map(str::to_owned);
+    let read = [O::Input::files(&input)?, read_beside(&options)?, lists.collect()].concat();
+    check_files(&options, &read, &output, report)?;
     stdin.gather(&mut input, call.cancel)?;
     let Sifted { names, skipped } = many.sift(input, opening.kind(), &resources)?;
     skip_bad(&mut options, many);
@@ -352,23 +360,21 @@ pub(super) fn needed(table: &'static Table) -> String {
     })
 }
 
-/// Fails when a file to read is not there, or one to write is taken.
+/// Fails when a file beside the inputs is not there, or one to write is taken or among `files` that are read.
 fn check_files<O: Operation + Has<Replacing>>(
     options: &O,
-    input: &[String],
+    files: &[String],
     output: &Path,
     report: Option<&Path>,
 ) -> Result<()> {
     let overwrite = is_replacing(options);
-    let beside = read_beside(options)?;
-    check::beside(&beside)?;
-    let files = [O::Input::files(input)?, beside].concat();
+    check::beside(&read_beside(options)?)?;
     let workdir = named(options, "workdir").map(PathBuf::from);
     let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
-    check::not_among(&files, &outputs)?;
+    check::not_among(files, &outputs)?;
     match options.is_folder() {
         true => check::folder(output)?,
         false => check::new_file(output, overwrite)?,
     }
-    check::report(report, &files, &outputs, overwrite)
+    check::report(report, files, &outputs, overwrite)
 }

@@ -73,7 +73,9 @@ impl Verb for Args {
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
         let Self { input, output, report, many, show, .. } = self;
-        let frame = Frame { input, output, report: report.as_deref(), many, show };
+        let given = [self.options.1.clone(), self.ground.options.1.clone()].concat();
+        let report = report.as_deref();
+        let frame = Frame { input, output, given: &given, report, many, show };
         let options = self.options.0.clone();
         if many.are_clouds(input)? {
             return operation::run(self.of_cloud(options)?, frame, call);

@@ -42,11 +42,18 @@ fn one_line(text: &str, args: &[OsString], command: &Command) -> String {
     format!("{message}; see `terrane{} --help`", verb(args, command))
 }
 
-/// " tin" where the command line has a verb.
+/// " tin" or " plan grid" where the command line has a verb.
 fn verb(args: &[OsString], command: &Command) -> String {
-    let first = args.get(1).map(|a| a.to_string_lossy()).unwrap_or_default();
-    let known = command.find_subcommand(first.as_ref()).is_some();
-    if known { format!(" {first}") } else { String::new() }
+    let Some((first, rest)) = args.get(1..).and_then(<[OsString]>::split_first) else {
+        return String::new();
+    };
+    match command.find_subcommand(first) {
+        Some(found) => {
+            let rest: Vec<_> = args.iter().take(1).chain(rest).cloned().collect();
+            format!(" {}{}", first.display(), verb(&rest, found))
+        }
+        None => String::new(),
+    }
 }
 
 #[cfg(test)]

@@ -312,7 +312,7 @@ fn options_out_of_range() {
     ] {
         place.fails(&[&view[..], &[option, value]].concat(), 2, &[]);
     }
-    place.fails(&[&view[..], &["--bbox", "0,0,1,1"]].concat(), 2, &["--bbox", "reach"]);
+    place.fails(&[&view[..], &["--bbox", "0,0,1,1"]].concat(), 2, &["--bounds", "reach"]);
     place.fails(&[&view[..], &["--edges"]].concat(), 2, &["edges"]);
     place.fails(&["frobnicate"], 2, &["frobnicate"]);
 }

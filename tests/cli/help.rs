@@ -20,7 +20,10 @@ const VERBS: [&str; 11] = [
 ];
 
 /// The others.
-const MORE: [&str; 5] = ["simplify", "plan", "run", "finish", "status"];
+const MORE: [&str; 3] = ["simplify", "plan", "points"];
+
+/// What can be done with plans.
+const PLANS: [&str; 7] = ["tin", "grid", "tiles", "points", "run", "status", "finish"];
 
 #[test]
 fn help_and_version_go_to_stdout() {
@@ -33,6 +36,17 @@ fn help_and_version_go_to_stdout() {
         let own = place.ok(&[verb, "--help"]);
         assert!(own.out.contains(&format!("Usage: terrane {verb}")), "{}", own.out);
         assert_eq!(own.err, "");
+    }
+    let plans = place.ok(&["plan", "--help"]).out;
+    for what in PLANS {
+        assert!(plans.contains(&format!("\n  {what} ")), "{what} in\n{plans}");
+        let wrong = place.run(&["plan", what, "--no-such-option"]);
+        assert!(wrong.err.contains(&format!("see `terrane plan {what} --help`")), "{}", wrong.err);
+    }
+    // As they were called before.
+    for verb in ["run", "status", "finish"] {
+        assert!(!help.out.contains(&format!("\n  {verb} ")));
+        place.ok(&[verb, "--help"]);
     }
 }
 
@@ -59,6 +73,9 @@ fn a_manual_page_for_each_verb() {
     for verb in VERBS.iter().chain(&MORE) {
         let page = std::fs::read_to_string(place.path(&format!("pages/terrane-{verb}.1"))).unwrap();
         assert!(page.contains(".TH"), "{verb}");
+    }
+    for what in PLANS {
+        assert!(place.path(&format!("pages/terrane-plan-{what}.1")).is_file(), "{what}");
     }
     assert!(place.path("pages/terrane.1").is_file());
     assert_eq!(place.run(&["man", "pages"]).code, 2, "pages are not replaced unasked");

@@ -498,7 +498,7 @@ fn nothing_that_is_read_is_replaced() {
     for name in ["many/a.wkt", "many/b.wkt"] {
         place.write(name, wkt);
     }
-    place.write("points.wkt", "POINT (1 1)");
+    place.write("points.wkt", "POINT (1 1)").write("list.csv", "cloud.las\n");
     place.ok(&["convert", TERRAIN, "member.tif", "-q"]);
     let vrt = "<VRTDataset rasterXSize=\"90\" rasterYSize=\"90\"><VRTRasterBand dataType=\"Float32\" band=\"1\">\
                <SimpleSource><SourceFilename relativeToVRT=\"1\">member.tif</SourceFilename><SourceBand>1</SourceBand>\
@@ -534,13 +534,16 @@ fn nothing_that_is_read_is_replaced() {
         &["slope", "all.vrt", "member.tif"],
         &["contour", "all.vrt", "member.tif", "-f", "GeoJSON", "-i", "9"],
         &["convert", TERRAIN, "like.asc", "--like", "like*.asc", "--resampling", "near"],
+        &["points", "@list.csv", "list.csv"],
+        &["points", "@list.csv", "o.las", "--report", "list.csv"],
+        &["grid", "@list.csv", "o.tif", "--cell", "2", "--report", "list.csv"],
     ] {
-        let before: Vec<_> = ["many/a.wkt", "points.wkt", "member.tif", "like.asc"]
+        let before: Vec<_> = ["many/a.wkt", "points.wkt", "member.tif", "like.asc", "list.csv"]
             .map(|name| place.bytes(name))
             .into();
         let ran = place.run(&[args, &["--overwrite"]].concat());
         assert_eq!(ran.code, 2, "{args:?}: {}", ran.err);
-        let after: Vec<_> = ["many/a.wkt", "points.wkt", "member.tif", "like.asc"]
+        let after: Vec<_> = ["many/a.wkt", "points.wkt", "member.tif", "like.asc", "list.csv"]
             .map(|name| place.bytes(name))
             .into();
         assert!(before == after, "{args:?}");
@@ -593,4 +596,33 @@ fn names_that_are_none_suggest_the_nearest() {
     assert!(error.unwrap_err().to_string().ends_with("did you mean ‹percent›?"));
     place.fails(&["slope", TERRAIN, "a.tif", "--percnt"], 2, &["--percent"]);
     place.fails(&["slpoe", TERRAIN, "a.tif"], 2, &["'slope'"]);
+}
+
+#[test]
+fn what_was_given_counts_whatever_its_value() {
+    let place = place();
+    for (args, told) in [
+        (&["grid", "cloud.las", "o.tif", "--cell", "2", "--ground", "auto"][..], "--ground"),
+        (&["grid", "cloud.las", "o.tif", "--cell", "2", "--canopy", "pit-free"], "--canopy"),
+        (&["grid", "cloud.las", "o.tif", "--cell", "2", "--dtm", "--stat", "mean"], "--stat"),
+        (&["points", "cloud.las", "o.las", "--buffer-mark", "withheld"], "--buffer-mark"),
+        (&["points", "cloud.las", "o.las", "--tile-format", "laz"], "--tile-format"),
+        (&["plan", "grid", "cloud.las", "-o", "w", "--cell", "2", "--ground", "auto"], "--ground"),
+        (&["grid", "cloud.las", "o.tif", "--cell", "2", "--fill", "1e2"], "from 0 to 1024"),
+        (
+            &["plan", "grid", "cloud.las", "-o", "w", "--cell", "2", "--task-size", "9"],
+            "--task-size",
+        ),
+        (&["points", "-", "o", "--tile", "9", "--workdir", "w"], "--workdir"),
+        (&["plan", "finish", "w", "--task", "tile-0"], "--task"),
+    ] {
+        place.fails(args, 2, &[told]);
+    }
+    let cloud = terrane::open_cloud(place.path("cloud.las").to_str().unwrap()).unwrap();
+    let grid = OPERATIONS.iter().find(|operation| operation.name == "grid").unwrap();
+    let given = json!({ "cell": 2, "ground": "auto" });
+    let given = given.as_object().unwrap();
+    let output = place.path("o.tif");
+    let error = cloud.run(grid, &output, given, &Silent, &Cancel::default()).unwrap_err();
+    assert!(error.to_string().starts_with("‹ground› cannot act without"), "{error}");
 }

@@ -125,7 +125,8 @@ fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
         assert!(words.iter().all(|word| ran.err.contains(word)), "{how:?}: {}", ran.err);
     }
     let grid = ["plan", "tin", "synth:rough,size=100", "-o", "work", "--max-error", "1"];
-    for (how, word) in [(["--task-size", "1"], "at least 2"), (["--class", "2"], "--class")] {
+    for (how, word) in [(["--task-size", "1"], "two rows of tiles"), (["--class", "2"], "--class")]
+    {
         place.fails(&[&grid[..], &how].concat(), 2, &[word]);
     }
     let flat = ["plan", "tin", "c.laz", "-o", "work", "--max-error", "1", "--z-range", "-9,-8"];

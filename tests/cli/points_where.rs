@@ -415,6 +415,13 @@ fn points_within_polygons_are_the_same_whatever_the_format_of_these() {
             assert!(place.bytes("part.csv") == text.as_bytes(), "{name}");
         }
     }
+    // Features are united.
+    let twice = format!("POLYGON (({ring}), ({hole}))\nPOLYGON (({other}))\nPOLYGON (({other}))\n");
+    place.write("twice.wkt", twice).write("twice.prj", "EPSG:32631");
+    place.ok(&["points", "cloud.laz", "part.csv", "--clip", "twice.wkt", "--overwrite", "-q"]);
+    assert!(place.bytes("part.csv") == text.as_bytes());
+    let made = ["grid", "synth:cloud,size=60", "a.tif", "--cell", "2", "--clip", "far.wkt"];
+    place.fails(&made, 65, &["far.wkt", "EPSG:32632"]);
     for (name, told) in [
         ("far.wkt", "EPSG:32632"),
         ("line.wkt", "is a LineString"),

@@ -104,6 +104,30 @@ fn water_of_a_model_is_level_and_told_of() {
 }
 
 #[test]
+fn parts_of_clouds_are_made_and_proved_as_such() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=60,density=4,seed=5", "c.las", "-q"]);
+    let near = "POLYGON ((500010 4750010, 500045 4750010, 500045 4750040, 500010 4750010))";
+    place.write("near.wkt", near).write("near.prj", "EPSG:32631");
+    for part in [&["--bounds", "500010,4750010,500030,4750030"][..], &["--clip", "near.wkt"]] {
+        let with = |args: &[&'static str]| [args, part, &["--overwrite", "-q"]].concat();
+        place.ok(&with(&["tin", "c.las", "m.ply", "--max-error", "1"]));
+        place.ok(&[&["verify", "m.ply", "c.las"], part].concat());
+        place.ok(&with(&["grid", "c.las", "dtm.tif", "--dtm", "--cell", "0.5"]));
+        place.ok(&["tiles", "dtm.tif", "of_grid", "--overwrite", "-q"]);
+        place.ok(&with(&["tiles", "c.las", "of_cloud", "--cell", "0.5"]));
+        let told = json(
+            &place
+                .ok(&[&["verify", "of_cloud", "c.las", "--cell", "0.5", "--json"], part].concat())
+                .out,
+        );
+        assert_eq!((&told["passed"], &told["judged"]), (&true.into(), &true.into()), "{told}");
+        let of_grid = json(&place.ok(&["verify", "of_grid", "dtm.tif", "--json"]).out);
+        assert_eq!(told["samples"], of_grid["samples"], "{part:?}");
+    }
+}
+
+#[test]
 fn what_does_not_fit_clouds_or_grids_is_refused() {
     let place = Place::new();
     let tiles = |more: &[&str], words: &[&str]| {

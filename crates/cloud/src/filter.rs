@@ -6,7 +6,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::attribute::Return;
-use terrane_base::geom::{Frame, Point};
+use terrane_base::error::Result;
+use terrane_base::geom::{Crs, Frame, Point};
 
 use super::{Condition, Polygon};
 
@@ -101,6 +102,11 @@ pub enum Verdict {
 }
 
 impl Filter {
+    /// Fails where polygons are in another reference system than a cloud.
+    pub(crate) fn check_system(&self, cloud: &Crs) -> Result<()> {
+        self.polygon.as_ref().map_or(Ok(()), |polygon| polygon.check(cloud))
+    }
+
     /// The box around the points asked for: x low, y low, x high, y high.
     pub fn area(&self) -> [f64; 4] {
         let [west, south, east, north] = self.bounds.unwrap_or(EVERYWHERE);

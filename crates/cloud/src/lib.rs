@@ -45,14 +45,16 @@ use terrane_files::is_held;
 /// # Errors
 /// Those of [`open`]; a name that is none; a synthetic cloud among other inputs.
 pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointSource>> {
-    match inputs {
+    let source: Box<dyn PointSource> = match inputs {
         [name] if synth::is_synthetic(name) => {
             let survey = synth::survey(name)?;
-            Ok(Box::new(synth::Synthetic::new(survey, options.filter.clone())?))
+            Box::new(synth::Synthetic::new(survey, options.filter.clone())?)
         }
-        [name] if is_held(name) => held::open(name, options),
-        _ => Ok(Box::new(open(inputs, options)?)),
-    }
+        [name] if is_held(name) => held::open(name, options)?,
+        _ => return Ok(Box::new(open(inputs, options)?)),
+    };
+    options.filter.check_system(&source.info().crs)?;
+    Ok(source)
 }
 
 /// What a cloud is, before any point is read.

@@ -276,7 +276,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
 /// Files to a cloud.
 fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<Cloud> {
     let (crs, heights) = agree::crs(&names, &files, options.crs.as_ref())?;
-    options.filter.polygon.as_ref().map_or(Ok(()), |polygon| polygon.check(&crs))?;
+    options.filter.check_system(&crs)?;
     let claims: Vec<Option<Claim>> = files.iter().map(File::claim).collect();
     let touching: Vec<Option<Claim>> =
         claims.iter().map(|claim| claim.as_ref()?.within(&options.filter)).collect();

@@ -7,13 +7,16 @@ use serde::{Deserialize, Serialize};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Frame, plane};
 
-/// Polygons with holes: inside is where an odd number of rings goes around. Of two polygons that
+/// Polygons with holes, of one feature or several, which are united: inside of one is where an odd number of its rings goes
+/// around. Of two polygons that
 /// share a border each point on it is in one only, as edges hold their lower end and not their upper
 /// one, and points on an edge are right of it. Which side of an edge a point is on is exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Polygon {
-    /// From the lower to the upper end.
+    /// From the lower to the upper end, feature by feature.
     edges: Vec<[[f64; 2]; 2]>,
+    /// The feature of each edge.
+    features: Vec<u32>,
     /// x low, y low, x high, y high.
     bounds: [f64; 4],
     /// Bands of equal height from the lowest to the highest corner: where the list of each begins.
@@ -30,15 +33,21 @@ const MOST_BANDS: usize = 1024;
 
 impl Polygon {
     /// Bytes that an edge takes.
-    pub const EDGE_BYTES: u64 = (size_of::<[[f64; 2]; 2]>() + 2 * size_of::<u32>()) as u64;
+    pub const EDGE_BYTES: u64 = (size_of::<[[f64; 2]; 2]>() + 3 * size_of::<u32>()) as u64;
 
-    /// Of closed rings; a ring that ends off its start is closed.
+    /// Of the closed rings of a feature; a ring that ends off its start is closed.
     pub fn new(rings: &[Vec<[f64; 2]>]) -> Self {
+        Self::united(rings.iter().map(|ring| (0, ring.as_slice())))
+    }
+
+    /// Of rings of several features, by the numbers of these, which do not fall.
+    pub fn united<'a>(rings: impl IntoIterator<Item = (u32, &'a [[f64; 2]])>) -> Self {
         let mut edges = Vec::new();
-        for ring in rings {
+        for (feature, ring) in rings {
             let next = ring.iter().cycle().skip(1);
             let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
-            edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
+            let upright = pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] });
+            edges.extend(upright.map(|edge| (edge, feature)));
         }
         Self::of_edges(edges)
     }
@@ -47,15 +56,18 @@ impl Polygon {
     pub fn in_steps(&self, frame: &Frame) -> Self {
         let rulers = [frame.ruler(0), frame.ruler(1)];
         let place = |corner: [f64; 2]| [0, 1].map(|axis| rulers[axis].place(corner[axis]));
-        let edges = self.edges.iter().map(|edge| edge.map(place));
-        Self::of_edges(edges.filter(|[low, high]| low[1] < high[1]).collect())
+        let edges =
+            self.edges.iter().map(|edge| edge.map(place)).zip(self.features.iter().copied());
+        Self::of_edges(edges.filter(|([low, high], _)| low[1] < high[1]).collect())
     }
 
-    fn of_edges(edges: Vec<[[f64; 2]; 2]>) -> Self {
+    fn of_edges(edges: Vec<([[f64; 2]; 2], u32)>) -> Self {
+        let (edges, features): (Vec<_>, Vec<_>) = edges.into_iter().unzip();
         let bounds = edges.iter().flatten().fold(EMPTY, |[west, south, east, north], [x, y]| {
             [west.min(*x), south.min(*y), east.max(*x), north.max(*y)]
         });
-        let mut polygon = Self { edges, bounds, starts: Vec::new(), lists: Vec::new(), from: None };
+        let (starts, lists) = (Vec::new(), Vec::new());
+        let mut polygon = Self { edges, features, bounds, starts, lists, from: None };
         polygon.fill_bands();
         polygon
     }
@@ -110,8 +122,18 @@ impl Polygon {
         }
         let band = self.band(y, self.starts.len() - 1);
         let list = &self.lists[self.starts[band] as usize..self.starts[band + 1] as usize];
-        let edges = list.iter().map(|edge| &self.edges[*edge as usize]);
-        edges.filter(|edge| is_left(edge, x, y)).count() % 2 == 1
+        let left = list.iter().filter(|edge| is_left(&self.edges[**edge as usize], x, y));
+        // Edges of a feature are beside each other in a list.
+        let (mut feature, mut is_odd) = (None, false);
+        for edge in left {
+            let own = Some(self.features[*edge as usize]);
+            if own != feature && is_odd {
+                return true;
+            }
+            is_odd = own != feature || !is_odd;
+            feature = own;
+        }
+        is_odd
     }
 }
 

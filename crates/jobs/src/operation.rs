@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Map, Value as Json};
-use terrane_options::{Options, Role, Table, changed, check, fill, to_map};
+use terrane_options::{Options, Role, Table, changed, check, check_given, fill, to_map};
 
 use crate::colours::ColorReliefOptions;
 use crate::contour::ContourOptions;
@@ -249,12 +249,22 @@ impl AnyOperation {
 }
 
 impl Call<'_> {
-    /// All options.
+    /// All options, which go together.
     fn options<O: Operation>(&self) -> Result<O> {
         let mut given = self.reading.clone();
         given.extend(self.options.clone());
-        fill(&given)
+        filled(&given, self.options)
     }
+}
+
+/// Options by name that go together; those of `given` that are not null count as given.
+fn filled<O: Operation>(all: &Map<String, Json>, given: &Map<String, Json>) -> Result<O> {
+    let options: O = fill(all)?;
+    let given = given.iter().filter(|(_, value)| !value.is_null());
+    let given: Vec<_> = given.filter_map(|(name, _)| O::TABLE.find(name)).collect();
+    let names: Vec<&str> = given.iter().map(|field| field.name).collect();
+    check_given(&options, &names)?;
+    Ok(options)
 }
 
 fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> Result<()> {
@@ -288,9 +298,7 @@ fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
 }
 
 fn check_options<O: Operation>(given: &Map<String, Json>, output: &Path) -> Result<()> {
-    let options: O = fill(given)?;
-    check(&options)?;
-    options.check(output)
+    filled::<O>(given, given)?.check(output)
 }
 
 /// All that can be known to be wrong before the work.

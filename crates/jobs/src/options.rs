@@ -41,7 +41,7 @@ pub struct GridInput {
     pub bounds: Option<[f64; 4]>,
     /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken for voids;
     /// those on a border stay, and rings within a polygon are holes
-    #[option(value = "FILE", with = FileName, role = Reads)]
+    #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clip: Option<String>,
     /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their lowest

@@ -65,12 +65,14 @@ fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
 /// # Errors
 /// Those of the polygons that a grid is clipped to.
 pub(crate) fn polygon(name: &str, resources: &Resources) -> Result<Polygon> {
-    let mut rings = Vec::new();
+    let (mut rings, mut number) = (Vec::new(), 0);
     let (path, crs) = rings_of(name, ("cloud", Polygon::EDGE_BYTES), resources, |feature| {
-        rings.extend(feature.geometry.parts().map(|ring| ring.xy.to_vec()));
+        rings.extend(feature.geometry.parts().map(|ring| (number, ring.xy.to_vec())));
+        number += 1;
         Ok(())
     })?;
-    Ok(Polygon::new(&rings).of_file(&path, crs))
+    let rings = rings.iter().map(|(number, ring)| (*number, ring.as_slice()));
+    Ok(Polygon::united(rings).of_file(&path, crs))
 }
 
 /// Hands on all features of a file of polygons that something is clipped to; returns its path and system.

@@ -15,7 +15,7 @@ pub fn fill<O: Options>(given: &Map<String, Json>) -> Result<O> {
     let mut taken = Vec::new();
     for (name, value) in given {
         let field = O::TABLE.find(name).ok_or_else(|| unknown(O::TABLE, name))?;
-        if value.is_null() {
+        if value.is_null() || (field.bare.is_some() && value == false) {
             continue;
         }
         if taken.contains(&field.name) {
@@ -41,12 +41,13 @@ pub fn set_texts<O: Options>(options: &mut O, field: &Field, texts: &[String]) -
     let mut done = Ok(());
     options.visit_mut(&mut |name, value| {
         if name == field.name {
-            done = value.set(texts).map_err(|expected| {
-                Error::usage(format!("‹{name}› is {:?}: {expected}", texts.join(" ")))
-            });
+            done = value.set(texts);
         }
     });
-    done
+    done.map_err(|expected| {
+        let told = texts.iter().find_map(|text| field.check_text(text).err()).unwrap_or(expected);
+        Error::usage(format!("‹{}› is {:?}: {told}", field.name, texts.join(" ")))
+    })
 }
 
 /// The texts that a JSON value stands for: those of a list one by one where the option is repeated, else with commas;

@@ -62,7 +62,7 @@ mod table;
 
 pub use codec::{AnyValue, Choice, Codec, Plain, Seen, SetValue, Settable, check_text};
 pub use fill::{changed, fill, set_texts, texts_of, to_map};
-pub use rules::{Rule, assert_rules, check};
+pub use rules::{Rule, assert_rules, check, check_given};
 pub use serde_json::Value as Json;
 pub use table::{Entry, Field, Kind, Named, Range, Role, Shape, Table};
 pub use terrane_options_derive::{Choice, Options};

@@ -56,6 +56,14 @@ const fn name_of(term: &str) -> &str {
 /// # Errors
 /// Usage: both are named.
 pub fn check<O: Options>(options: &O) -> Result<()> {
+    check_given(options, &[])
+}
+
+/// The same where some options were given, be it with the values that they have by themselves.
+///
+/// # Errors
+/// Those of [`check`].
+pub fn check_given<O: Options>(options: &O, given: &[&str]) -> Result<()> {
     let fields = O::TABLE.fields();
     let mut found = Ok(());
     options.visit(&mut |name, value| {
@@ -65,8 +73,9 @@ pub fn check<O: Options>(options: &O) -> Result<()> {
         }
     });
     found?;
-    let given = Given { table: O::TABLE, now: to_map(options), defaults: to_map(&O::default()) };
-    O::TABLE.rules().into_iter().try_for_each(|rule| given.check(rule))
+    let (table, now, defaults) = (O::TABLE, to_map(options), to_map(&O::default()));
+    let given = Given { table, now, defaults, given };
+    table.rules().into_iter().try_for_each(|rule| given.check(rule))
 }
 
 /// Fails where a value is out of its range, or none that its text could be: setters take any.
@@ -86,13 +95,14 @@ fn check_value(field: &Field, value: &dyn AnyValue) -> Result<()> {
     })
 }
 
-struct Given {
+struct Given<'a> {
     table: &'static Table,
     now: Map<String, Json>,
     defaults: Map<String, Json>,
+    given: &'a [&'a str],
 }
 
-impl Given {
+impl Given<'_> {
     /// Whether a term is so.
     fn is(&self, term: &str) -> bool {
         match term.split_once('=') {
@@ -100,8 +110,14 @@ impl Given {
                 Some(Json::Array(several)) => several.iter().any(|now| text(now) == value),
                 now => now.is_some_and(|now| text(now) == value),
             },
-            None => self.now.get(term) != self.defaults.get(term),
+            None => self.now.get(term) != self.defaults.get(term) || self.is_given(term),
         }
+    }
+
+    /// Whether an option was given that is no flag: one of these is as it would be without.
+    fn is_given(&self, name: &str) -> bool {
+        let kind = self.table.find(name).map(|field| field.kind);
+        self.given.contains(&name) && !matches!(kind, None | Some(Kind::Flag))
     }
 
     /// Options to add; of a single one that is a choice, with what there is to choose.

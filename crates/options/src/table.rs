@@ -142,11 +142,26 @@ impl Field {
     /// What was expected, in words.
     pub fn check_range(&self, number: f64) -> Result<(), String> {
         match self.range {
-            Some(range) if !range.contains(number) => Err(match self.kind {
-                Kind::Whole => range.text().replacen("a number", "a whole number", 1),
-                _ => range.text(),
-            }),
+            Some(range) if !range.contains(number) => Err(self.expected(&range)),
             _ => Ok(()),
+        }
+    }
+
+    /// Fails for a text that is no value; what was expected is in the error.
+    ///
+    /// # Errors
+    /// What was expected, in words.
+    pub fn check_text(&self, text: &str) -> Result<(), String> {
+        (self.check)(text).map_err(|expected| match (self.range, self.kind) {
+            (Some(range), Kind::Whole) => format!("expected {}", self.expected(&range)),
+            _ => expected,
+        })
+    }
+
+    fn expected(&self, range: &Range) -> String {
+        match self.kind {
+            Kind::Whole => range.text().replacen("a number", "a whole number", 1),
+            _ => range.text(),
         }
     }
 }

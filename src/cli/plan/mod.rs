@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use terrane_options::check as check_options;
+use terrane_options::check_given;
 
 use crate::cli::operation::{Source, take};
 use crate::cli::shared::many::Many;
@@ -112,7 +112,7 @@ fn task_size_alias(operation: &str) -> &'static str {
 impl<O: Divisible<Input: Source>> Planned<O> {
     fn run(&self, cancel: &Cancel, summary: fn(&O::Status) -> String) -> Result<Outcome> {
         let mut options = self.options.0.clone();
-        check_options(&options)?;
+        check_given(&options, &self.options.1)?;
         let sifted = take(&mut options, self.input.clone(), &self.many)?;
         let (inputs, skipped) = (Inputs::from(sifted.names), sifted.skipped.as_slice());
         let (output, progress) = (self.folder.as_path(), self.show.progress());
@@ -160,7 +160,8 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
     }
     args.points.refuse(&args.input[0])?;
     if args.task_size.is_some_and(|rows| rows < 2) {
-        return Err(Error::usage("--task-size counts rows of tiles of a grid, at least 2"));
+        return Err(Error::usage("--task-size is 1: tasks have two rows of tiles at least")
+            .remedy("pass 2 or more, or leave it out"));
     }
     let resources = Resources::default();
     let options = args.grid.open_options(&resources);

@@ -71,6 +71,13 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
     let mut options = args.how.options.0.clone();
+    if options.task.is_some() {
+        return Err(Error::usage("‹task› cannot act: it is the last task that is done")
+            .remedy("leave ‹task› out, or pass it to terrane plan run"));
+    }
+    if args.file.is_some() && options.output.is_some() {
+        return Err(Error::usage("the output is named twice").remedy("leave ‹output› out"));
+    }
     options.task = Some("finish".to_owned());
     options.output = args.file.clone().or(options.output);
     work(&args.folder, &options, &args.how, cancel)

@@ -268,9 +268,7 @@ pub(crate) fn refuse_input(name: &str) -> Result<()> {
     if name != STDIN && name != CLOUD {
         return Ok(());
     }
-    Err(Error::usage("stdin is not read here")
-        .in_file(Path::new(name))
-        .remedy("name a file; tin, convert and contour read XYZ, grid points and line features"))
+    Err(Error::usage("stdin is not read here").in_file(Path::new(name)).remedy("name a file"))
 }
 
 #[cfg(test)]

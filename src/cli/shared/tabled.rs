@@ -3,7 +3,8 @@
 use std::ffi::OsStr;
 
 use clap::builder::{
-    PossibleValue, PossibleValuesParser, Resettable, TypedValueParser, ValueParser,
+    PossibleValue, PossibleValuesParser, Resettable, StringValueParser, TypedValueParser,
+    ValueParser,
 };
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Command, ValueHint};
@@ -12,9 +13,13 @@ use terrane_options::{Field, Kind, Options, Role, Shape, set_texts, to_map};
 use crate::cli::shared::names;
 use crate::door::Door;
 
-/// Options within arguments of clap; of a plan those that say something of the result alone.
+/// Options within arguments of clap, and the names of those that were given; of a plan those that say something of the
+/// result alone.
 #[derive(Clone, Debug)]
-pub(crate) struct Tabled<O, const PLANNED: bool = false>(pub(crate) O);
+pub(crate) struct Tabled<O, const PLANNED: bool = false>(
+    pub(crate) O,
+    pub(crate) Vec<&'static str>,
+);
 
 /// The options that are given behind their names.
 fn fields<O: Options, const PLANNED: bool>() -> impl Iterator<Item = &'static Field> {
@@ -36,17 +41,18 @@ impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
 
 impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let mut options = O::default();
+        let (mut options, mut given_names) = (O::default(), Vec::new());
         for field in fields::<O, PLANNED>() {
             let texts = given(field, matches);
             if !texts.is_empty() {
+                given_names.push(field.name);
                 set_texts(&mut options, field, &texts).map_err(|error| {
                     let text = Door::CommandLine.spell(&error.to_string()).into_owned();
                     clap::Error::raw(ErrorKind::ValueValidation, text)
                 })?;
             }
         }
-        Ok(Self(options))
+        Ok(Self(options, given_names))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -143,10 +149,10 @@ fn names_of(field: &'static Field) -> impl Iterator<Item = PossibleValue> {
 
 /// A text that is a value of the option.
 fn checked(field: &'static Field) -> ValueParser {
-    ValueParser::new(names::any().try_map(move |text| {
+    ValueParser::new(StringValueParser::new().try_map(move |text| {
         let range = text.trim().parse().map_or(Ok(()), |number| field.check_range(number));
         range.map_err(|expected| format!("expected {expected}"))?;
-        (field.check)(&text).map(|()| text)
+        field.check_text(&text).map(|()| text)
     }))
 }
 

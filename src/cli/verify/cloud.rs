@@ -5,7 +5,7 @@ use crate::cli::verify::args::Args;
 use crate::cli::verify::told;
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
-use crate::files::{name_of, path_of};
+use crate::files::name_of;
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
 use crate::jobs::sift::Sifted;
@@ -26,11 +26,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<CloudVerifyJob> {
-    if let Some(option) = args.grid.given() {
-        return Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
-            .in_file(&path_of(&args.source[0]))
-            .remedy(format!("leave {option} out")));
-    }
+    args.grid.refuse_cloud(&args.source[0])?;
     args.refuse_of_surfaces("this is a point cloud")?;
     if !is_mesh(&name_of(args.mesh.clone())?)? {
         return Err(Error::bad_input("is a grid, not a mesh")

@@ -7,6 +7,7 @@ use crate::cloud;
 use crate::error::{Error, Result};
 use crate::files::name_of;
 use crate::jobs::Cancel;
+use crate::jobs::options::GridInput;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::verify::tiles::{
     CheckReport, LevelReport, TilesVerifyJob, TilesVerifyReport, verify_tiles,
@@ -31,6 +32,9 @@ fn of_cloud(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
     let read = [cloud::files(&names)?, args.grid.clip.clone().into_iter().collect()].concat();
     let job = job(args, read, Inputs::default())?;
+    // Points are within bounds and polygons, and the model is whole.
+    let reading = GridInput { bounds: None, clip: None, ..job.reading };
+    let job = TilesVerifyJob { reading, ..job };
     let model = args.ground.model(names, args.many.reading(options));
     let report = verify_tiles_of_cloud(&model, &job, args.show.progress().as_ref(), cancel)?;
     tell(args, &report, &skipped)

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyString};
+use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
 use terrane::{AnyOperation, Error, OPERATIONS, Reads};
 use terrane_files::name_of;
@@ -49,7 +49,7 @@ fn option(field: &Field, default: &Json) -> Json {
     let mut ty = type_of(field.kind);
     let is_alone = matches!(field.kind, Kind::Shaped(text) if text.contains('['));
     if field.shape == Shape::Repeated && !is_alone {
-        ty = format!("{ty} | Sequence[{ty}]");
+        ty = format!("{ty} | Iterable[{ty}]");
     }
     if field.bare.is_some() {
         ty = format!("bool | {ty}");
@@ -118,7 +118,10 @@ pub(crate) fn options_of(
             None => {
                 let kind = value.get_type().name()?;
                 let error = Error::usage(format!("‹{}› is of type {kind}", field.name));
-                return Ok(Err(error.remedy("pass a number, a text, or a list of these")));
+                return Ok(Err(error.remedy(match field.kind {
+                    Kind::Path => "pass a path",
+                    _ => "pass a number, a text, or a list of these",
+                })));
             }
         };
     }
@@ -128,7 +131,7 @@ pub(crate) fn options_of(
 /// Lists in lists that an option may have: pairs of keys and values.
 const MOST_NESTED: u32 = 2;
 /// Most values of a list.
-const MOST_VALUES: usize = 1 << 16;
+const MOST_VALUES: usize = 1 << 20;
 
 /// A value as JSON, in which numbers that are none are texts; `None` for what cannot be an option.
 fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Option<Json>> {
@@ -145,6 +148,13 @@ fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Opt
     }
     if let Ok(text) = value.cast::<PyString>() {
         return Ok(text.to_str().ok().map(Json::from));
+    }
+    if value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {
+        return Ok(None);
+    }
+    // As many digits as they have.
+    if kind == "float32" || kind == "float16" {
+        return Ok(value.str()?.to_string_lossy().parse::<f64>().ok().map(Json::from));
     }
     if let Ok(whole) = value.extract::<i64>() {
         return Ok(Some(whole.into()));
@@ -166,6 +176,11 @@ fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Opt
         return Ok(Some(map.into()));
     }
     let Ok(all) = value.try_iter() else { return Ok(None) };
-    let all = all.take(MOST_VALUES).map(|value| json_of(&value?, false, nested));
-    Ok(all.collect::<PyResult<Option<Vec<_>>>>()?.map(Json::from))
+    let all = all.take(MOST_VALUES + 1).map(|value| json_of(&value?, false, nested));
+    let all = all.collect::<PyResult<Option<Vec<_>>>>()?;
+    if all.as_ref().is_some_and(|all| all.len() > MOST_VALUES) {
+        let error = Error::usage(format!("a list has more than {MOST_VALUES} values"));
+        return told(value.py(), Err(error.remedy("pass fewer")));
+    }
+    Ok(all.map(Json::from))
 }

@@ -22,7 +22,7 @@ use terrane_raster::{Inputs, SampleType};
 ///
 /// Cells take points at their western and southern border, and their corners lie at multiples of the
 /// cell size. One pass over the points, whatever the extent; the bytes are the same for any order of
-/// points and files, any number of threads and any memory.
+/// points and files, any number of threads and any memory. A .tif is a GeoTIFF in tiles.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 pub struct GridOptions {
@@ -82,7 +82,7 @@ pub struct GridOptions {
     pub max_edge: Option<f64>,
     /// Fill voids from known cells at most N columns and rows away, weighted by the inverse of the
     /// larger of the two
-    #[option(value = "N", alias = "window", range = Range::new(1.0, 1024.0), heading = "Method")]
+    #[option(value = "N", alias = "window", range = Range::new(0.0, 1024.0), heading = "Method")]
     pub fill: Option<u32>,
     /// The output file.
     #[option(flatten)]
@@ -202,8 +202,11 @@ impl Divisible for GridOptions {
         let Request { inputs, output: folder, skipped, progress, cancel } = request;
         let format = by_name(self.file.format.as_deref().unwrap_or("GTiff"))?;
         let output = folder.join("grid").with_extension(format.extensions[0]);
-        self.check(&output)?;
-        let job = self.job(inputs, &output)?;
+        // What a plan wrote before is told of by the run.
+        let mut planned = self.clone();
+        planned.file.replacing.overwrite = true;
+        planned.check(&output)?;
+        let job = planned.job(inputs, &output)?;
         let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
         plan_grid(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }

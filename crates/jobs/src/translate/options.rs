@@ -27,7 +27,8 @@ use terrane_cloud::{LasVersion, OpenOptions, PointFormat};
 /// colours, waveforms, extra bytes, and the records of the header that are the same in all files; what the output cannot
 /// hold is an error, or told in a note where the format asked for has no field for it. Points stay in the order of the
 /// files' names and of the points in them unless ‹sort› is given, so the same files give the same bytes, whatever the order
-/// they are named in, threads and memory.
+/// they are named in, threads and memory. The output is .las, .laz, .copc.laz for an octree, or .csv, .txt, .xyz for text; or
+/// a folder.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 pub struct PointsOptions {
@@ -46,10 +47,11 @@ pub struct PointsOptions {
     /// HeightAboveGround of their extra bytes, or as their z
     #[option(value = "AS", alias = "heights", bare = "dimension", heading = "Ground")]
     pub height_above_ground: Option<HeightsAs>,
-    /// Give points classes: noise or noise:METHOD (7 for those that a method finds to be noise), ground (2 for those of
-    /// classes 0 to 5 found to be ground, 1 for others that were; more classes take part with
-    /// ground:reclassify=CLASS,...), or height:CLASS=FROM,... (those of no class, by their height above the
-    /// ground); each may be given
+    /// Give points classes, noise first, then one way after the other: noise or noise:METHOD (7 for those that a method
+    /// finds to be noise, which is no ground; voxel:step=4,isolated=5,class=7 unless told otherwise), ground (2 for those of
+    /// classes 0 to 5 found to be ground, and 1 for others of class 2; more classes take part with
+    /// ground:reclassify=CLASS,...), or height:CLASS=FROM,... (those of no class, 0 or 1, by their height above the ground;
+    /// 3=0.5,4=2,5=5 unless told otherwise); each may be given
     #[option(value = "HOW", with = AsText, heading = "Ground")]
     pub classify: Vec<Classify>,
     /// Which points are ground: class (those of class 2), those that a method of terrane grid ‹ground› finds among
@@ -83,7 +85,7 @@ pub struct PointsOptions {
     #[option(value = "ATTRIBUTE", heading = "Folders")]
     pub split: Option<String>,
     /// Points around each square up to so far away, too, marked by ‹buffer_mark›
-    #[option(value = "WIDTH", range = Range::POSITIVE, heading = "Folders")]
+    #[option(value = "WIDTH", range = Range::FROM_ZERO, heading = "Folders")]
     pub buffer: Option<f64>,
     /// How points of buffers are marked
     #[option(value = "MARK", heading = "Folders")]

@@ -34,7 +34,7 @@ FLAGS = {
 }
 
 
-def cloud_of(points: Any, options: dict[str, Any], **reading: Any) -> _terrane.Cloud:
+def cloud_of(points: Any, options: dict[str, Any], /, **reading: Any) -> _terrane.Cloud:
     """The cloud that `points` stands for, read as `reading` says. What only points in memory need, their `crs`, is taken
     out of `options`, which are those of an operation on it."""
     for given in (options, reading):
@@ -239,6 +239,6 @@ def verify_cloud(
 @contextmanager
 def clipped(points: Any, reading: dict[str, Any]) -> Iterator[_terrane.Cloud]:
     """The cloud that `points` stands for, read as `reading` says, as long as the polygons are there that it is clipped to."""
-    clip = reading.pop("clip", None)
-    with _beside.files(lambda: cloud_of(points, {}).info["crs"], clip=clip) as files:
+    clip, own = reading.pop("clip", None), crs_text(reading.get("crs"))
+    with _beside.files(lambda: cloud_of(points, {}).info["crs"] or own, clip=clip) as files:
         yield cloud_of(points, {}, **reading, **({} if clip is None else files))

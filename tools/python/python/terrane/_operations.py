@@ -34,7 +34,7 @@ OF_SOURCE = {
     "progress": "A function of the stage, what is done and the total, or tqdm",
 }
 # What Python has in place of texts.
-TYPES = {"band": "int | None", "clip": "Features | None", "water": "Features | None", "to_crs": "Any", "output": "Path | None"}
+TYPES = {"crs": "Any", "band": "int | None", "clip": "Features | None", "water": "Features | None", "to_crs": "Any", "output": "Path | None"}
 
 
 @cache
@@ -46,7 +46,7 @@ def tables() -> dict[str, Any]:
 
 def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, Any]:
     """Runs an operation with all keywords that were given; what can be wrong with these is told before anything is opened."""
-    output = os.fspath(path)
+    output = os.fsdecode(path)
     with ready(name, src, options, output) as (source, progress):
         if source is None:
             return _terrane.run_on_features(name, os.fspath(src), output, options, progress)
@@ -60,6 +60,10 @@ def ready(
     """What an operation reads (nothing of features), where its options are right; what only Python has is taken out of
     them. There is no output of a plan, whose files have to stay."""
     reads = tables()[name]["reads"]
+    # What can be looked at once is looked at twice.
+    options |= {key: list(value) for key, value in options.items() if isinstance(value, Iterator)}
+    if "polygon" in options and options.get("clip") is None:
+        options["clip"] = options.pop("polygon")
     reading = {key: options.pop(key) for key in SOURCE if reads == "grid" and key in options}
     progress = settings(None, None, options.pop("progress", None))
     keys = ("to_crs", "to-crs", "crs") if reads == "cloud" else ("to_crs", "to-crs")
@@ -68,8 +72,8 @@ def ready(
             options[key] = crs_text(options[key])
     if output is not None:
         held = {key: "held" for key in BESIDE if not _beside.is_path(options.get(key))}
+        refuse_existing(output, options.get("overwrite") is True)
         _terrane.check_operation(name, {**options, **held}, output)
-        refuse_existing(output, bool(options.get("overwrite")))
     if output is None:
         of = reading if reads == "grid" else options
         of |= _beside.paths("a plan is run later", **{key: of[key] for key in BESIDE if key in of})
@@ -81,7 +85,8 @@ def ready(
     else:
         cloud = cloud_of(src, options)
         beside = {key: options.pop(key) for key in BESIDE if key in options}
-        with _beside.files(lambda: cloud.info["crs"], **beside) as files:
+        own = options.get("crs")
+        with _beside.files(lambda: cloud.info["crs"] or own, **beside) as files:
             options |= files
             yield cloud, progress
 
@@ -104,9 +109,10 @@ def planned(name: str) -> Callable[..., Plan]:
     """The function that plans an operation."""
 
     def function(src: Any, folder: Path, **options: Any) -> Plan:
+        options = with_cells({**FIRST.get(name, {}), **options})
         task_size = number("task_size", options.pop("task_size", None))
         with ready(name, src, options, None) as (source, progress):
-            return Plan(source.plan(name, os.fspath(folder), options, task_size, progress))
+            return Plan(source.plan(name, os.fsdecode(folder), options, task_size, progress))
 
     function.__name__ = function.__qualname__ = f"plan_{called(name)}"
     function.__module__ = __name__
@@ -163,34 +169,51 @@ def contour(
     return Lines(coordinates, offsets, values, crs)
 
 
+class Usual(float):
+    """A number that nobody asked for."""
+
+
+# The cells of grids, unless something else says what they are.
+CELL = Usual(1.0)
+
+
+def with_cells(options: dict[str, Any]) -> dict[str, Any]:
+    """The options of a grid; where another says what cells are, only those asked for."""
+    if isinstance(options.get("cell"), Usual):
+        options["cell"] = None if options.get("like") is not None else 1.0
+    return options
+
+
+def is_asked(value: Any) -> bool:
+    """True for the value of an option that asks for something."""
+    return value is not None and value is not False
+
+
 # What grids in memory do not have.
 OF_GRIDS = ("format", "overwrite", "co")
 
 
 def grid(
     src: Any,
-    cell: float | Sequence[float] | None = 1.0,
+    cell: float | Sequence[float] | None = CELL,
     stat: str | Sequence[str] | None = None,
     *,
     output: Any = None,
     **options: Any,
 ) -> GridResult | dict[str, Any]:
     """A grid in memory, unless there is an output."""
-    options |= {"cell": cell, "stat": stat}
-    if options.get("like") is not None and cell == 1.0:
-        # Which says where the cells are itself.
-        options["cell"] = None
+    options = with_cells({**options, "cell": cell, "stat": stat})
     if output is not None:
         return run("grid", src, output, options)
     for key in OF_GRIDS:
-        if options.get(key):
+        if is_asked(options.get(key)):
             raise usage(f"{key} is for files, and the grid stays in memory", "pass output, too")
     folder = tempfile.TemporaryDirectory(prefix="terrane-")
     report = run("grid", src, os.path.join(folder.name, "grid.tif"), options)
     return GridResult(folder, report)
 
 
-def dtm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) -> Any:
+def dtm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -> Any:
     """A model of the ground, of one band: triangulated from points of class 2, or from those that a method finds. Options
     are those of `grid`; `water` is water to make level, a file or geometries, as `tin` takes them. Without a `cell` (None)
     cells are about as wide as points are apart.
@@ -203,7 +226,7 @@ def dtm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) ->
     return grid(src, cell, dtm=True, **options)
 
 
-def dsm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) -> Any:
+def dsm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -> Any:
     """A model of what is seen from above, of one band. Options are those of `grid`; `canopy` is how returns from deep in
     crowns are got rid of: "pit-free", unless told otherwise, or "spike-free", with its parameters after a colon.
 
@@ -217,7 +240,7 @@ def dsm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) ->
     return grid(src, cell, dsm=True, **options)
 
 
-def chm(src: Any, cell: float | Sequence[float] | None = 1.0, **options: Any) -> Any:
+def chm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -> Any:
     """The height of what is seen from above over the ground, of one band. Options are those of `dsm`.
 
     >>> import numpy as np, terrane
@@ -240,7 +263,7 @@ def keyword_of(option: dict[str, Any]) -> str:
 
 
 # Parameters before others, of functions whose result may stay in memory, and their defaults.
-FIRST: dict[str, dict[str, Any]] = {"contour": {"interval": None}, "grid": {"cell": 1.0, "stat": None}}
+FIRST: dict[str, dict[str, Any]] = {"contour": {"interval": None}, "grid": {"cell": CELL, "stat": None}}
 
 
 def parameters(name: str) -> list[inspect.Parameter]:
@@ -284,7 +307,7 @@ def documentation(name: str) -> str:
     table = tables()[name]
     lines = [table["about"], "", "Parameters", "----------"]
     rows = [(keyword_of(option), option["about"], option["default_text"]) for option in table["options"]]
-    own = {parameter.name for parameter in parameters(name)}
+    own = {parameter.name for parameter in parameters(name)} - {row[0] for row in rows}
     rows += [(key, about, None) for key, about in OF_SOURCE.items() if key in own]
     for key, about, default in rows:
         text = about if default is None else f"{about} (default: {default})"
@@ -292,8 +315,8 @@ def documentation(name: str) -> str:
     return "\n".join([*lines, "", textwrap.dedent(EXAMPLES.get(name, "")), ""])
 
 
-# What functions return that may keep their result in memory.
-RESULTS = {"contour": "Lines | dict[str, Any]", "grid": "GridResult | dict[str, Any]"}
+# What functions return that keep their result in memory where there is no output.
+RESULTS = {"contour": "Lines", "grid": "GridResult"}
 
 
 def stub() -> str:
@@ -301,8 +324,8 @@ def stub() -> str:
     lines = [
         '"""Operations that write a file. Made by `terrane._operations.stub`, not by hand."""',
         "",
-        "from collections.abc import Sequence",
-        "from typing import Any, Literal",
+        "from collections.abc import Iterable, Sequence",
+        "from typing import Any, Literal, overload",
         "",
         "from terrane._clouds import GridResult",
         "from terrane._lines import Lines",
@@ -312,15 +335,28 @@ def stub() -> str:
         "def stub() -> str: ...",
     ]
     for name, table in tables().items():
-        result = RESULTS.get(name, "dict[str, Any]")
-        lines += signature(called(name), parameters(name), result)
+        lines += signatures(called(name), parameters(name), RESULTS.get(name))
         if table["task_size"] is not None:
             lines += signature(f"plan_{called(name)}", planned_parameters(name), "Plan")
     for name in ("dtm", "dsm", "chm"):
-        models = ("dtm", "dsm", "chm", "stat", "output", *OF_GRIDS)
-        own = [own for own in parameters("grid") if own.name not in models]
-        lines += signature(name, own, "GridResult")
+        own = [own for own in parameters("grid") if own.name not in ("dtm", "dsm", "chm", "stat")]
+        lines += signatures(name, own, "GridResult")
     return "\n".join(lines) + "\n"
+
+
+def signatures(name: str, found: list[inspect.Parameter], held: str | None) -> list[str]:
+    """A function as stubs have it, one that may keep its result in memory by both of its results."""
+    if held is None:
+        return signature(name, found, "dict[str, Any]")
+    places = {True: "None", False: "Path"}
+    lines = []
+    for is_held, place in places.items():
+        own = [one.replace(annotation=place) if one.name == "output" else one for one in found]
+        if not is_held:
+            own = [one.replace(default=one.empty) if one.name == "output" else one for one in own]
+        result = held if is_held else "dict[str, Any]"
+        lines += ["@overload", *signature(name, own, result)]
+    return lines
 
 
 def signature(name: str, found: list[inspect.Parameter], result: str) -> list[str]:
@@ -391,7 +427,7 @@ PLANS = {
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     cloud, work, tiles = (os.path.join(folder, name) for name in ("cloud.xyz", "work", "tiles"))
         ...     with open(cloud, "w") as file:
-        ...         file.writelines(f"{i % 30} {i // 30} 1\\n" for i in range(900))
+        ...         file.writelines(f"{i % 30} {i // 30} 1\n" for i in range(900))
         ...     plan = terrane.plan_points("cloud:" + cloud, work, tile=10.0, task_size=2, buffer=2.0)
         ...     done = plan.run(output=tiles)
         ...     len(os.listdir(tiles)), plan.status()["to_do"]

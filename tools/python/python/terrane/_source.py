@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -201,8 +202,8 @@ def crs_text(crs: Any) -> str | None:
     """A reference system as text: a code or well-known text."""
     if crs is None:
         return None
-    if isinstance(crs, int) and not isinstance(crs, bool):
-        return f"EPSG:{crs}"
+    if hasattr(crs, "__index__") and not isinstance(crs, bool):
+        return f"EPSG:{operator.index(crs)}"
     if isinstance(crs, str):
         return crs
     if hasattr(crs, "to_wkt"):

@@ -285,7 +285,7 @@ impl Crs {
                 format!("if it is that of the {whole}, name it in the file or in a .prj beside it")
             }
             _ => format!(
-                "name the system of the {whole}, or write the {what} as WKT or CSV, which need not name any"
+                "name the system of the {whole}, or write the {what} as WKT, which need not name any"
             ),
         };
         let message = format!(

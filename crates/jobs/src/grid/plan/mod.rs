@@ -86,11 +86,16 @@ pub fn plan_grid(
             ));
     }
     if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
-        return Err(Error::usage(format!("a tile of {side} cells is no multiple of {BLOCK}")));
+        return Err(Error::usage(format!(
+            "‹task_size› is {side}: tiles have a multiple of {BLOCK} cells along a side"
+        ))
+        .remedy(format!("pass {BLOCK}, or {} and so on", 2 * BLOCK)));
     }
     if let Some(side) = cut.filter(|side| *side > MOST_SIDE) {
-        return Err(Error::usage(format!("a tile of {side} cells is too large"))
-            .remedy(format!("choose {MOST_SIDE} at most")));
+        return Err(Error::usage(format!(
+            "‹task_size› is {side}: a tile of so many cells is too large"
+        ))
+        .remedy(format!("choose {MOST_SIDE} at most")));
     }
     refuse_held(job.input.iter().chain(&job.placement.like))?;
     job.check()?;

@@ -109,7 +109,7 @@ impl Method {
         }
         let Some((squares, is_plain)) = *squares else {
             return Err(Error::usage("a plan makes squares: one file is written by one run")
-                .remedy("pass ‹tile› SIDE, or run terrane points"));
+                .remedy("pass ‹tile›, the side of squares"));
         };
         if transform.is_some() {
             return Err(Error::usage("‹to_crs› cannot act in a plan: which points are in a square of another system is known when all are moved")
