@@ -223,3 +223,52 @@ def test_models_choose_their_cells() -> None:
     chosen = terrane.dtm("synth:cloud,size=60,density=2,seed=5", cell=None)
     assert chosen.transform[0] == 1.0
     assert any("about the distance between points" in note for note in chosen.report["notes"])
+
+
+def test_values_are_taken_as_they_are_given(las: str, points: NDArray[np.float64], tmp_path: Path) -> None:
+    """Values that can be looked at once, too many of them, bytes, and what stands for nothing."""
+    expected = terrane.grid(las, 10.0, "count", classes=[2]).data
+    for classes in (iter([2]), (n for n in [2]), np.array([2]), {2}, 2):
+        np.testing.assert_array_equal(terrane.grid(las, 10.0, "count", classes=classes).data, expected)
+    for option in ({"classes": b"2"}, {"where": b"z > 0"}, {"like": 5}, {"extent": b"abcd"}):
+        with pytest.raises(terrane.InputError, match=min(option)):
+            terrane.grid(las, 10.0, **option)
+    with pytest.raises(terrane.InputError, match="more than"):
+        terrane.grid(las, 10.0, classes=np.zeros(2_000_000, int))
+    none = {"height_above_ground": False, "drop_overlap": False, "dedupe": False, "buffer": None}
+    told = terrane.points(las, tmp_path / "all.laz", **none)
+    assert told["points"] == len(points)
+    with pytest.raises(FileExistsError):
+        terrane.grid(las, 10.0, output=tmp_path / "all.laz")
+    terrane.grid(las, 4.0, output=tmp_path / "like.tif")
+    like = str(tmp_path / "like.tif")
+    assert terrane.grid(las, like=like).transform[0] == 4.0
+    with pytest.raises(terrane.InputError, match="like cannot be used with cell"):
+        terrane.grid(las, 1, like=like)
+    plan = terrane.plan_grid(las, tmp_path / "work", dtm=True)
+    plan.run(output=tmp_path / "dtm.tif")
+    terrane.dtm(las).write(tmp_path / "at once.tif")
+    assert (tmp_path / "dtm.tif").read_bytes() == (tmp_path / "at once.tif").read_bytes()
+
+
+def test_polygons_are_united_and_in_the_system_of_the_points(
+    las: str, points: NDArray[np.float64], tmp_path: Path
+) -> None:
+    geopandas, shapely = pytest.importorskip("geopandas"), pytest.importorskip("shapely")
+    box = shapely.box(5e5 + 2, 4e6 + 2, 5e5 + 32, 4e6 + 32)
+    other = shapely.box(5e5 + 12, 4e6 + 12, 5e5 + 52, 4e6 + 52)
+    def count(source: Any, clip: Any, **more: Any) -> float:
+        return float(np.nansum(terrane.grid(source, 10.0, "count", clip=clip, keep_withheld=True, **more).data))
+    both = count(las, shapely.union_all([box, other]))
+    assert 0 < both < len(points)
+    assert both == count(las, [box, other]) == count(las, [box, other, box]) == count(points, [box, other], crs=32631)
+    file = tmp_path / "points.xyz"
+    np.savetxt(file, points, fmt="%.2f")
+    assert both == count(f"cloud:{file}", [box, other], crs=np.int64(32631))
+    told = terrane.write_cloud_tin(f"cloud:{file}", tmp_path / "m.ply", 40.0, crs=32631, clip=[box, other])
+    assert told["vertices"] > 3
+    elsewhere = geopandas.GeoDataFrame(geometry=[box], crs=2154)
+    for source in (las, points, "synth:cloud,size=20"):
+        crs = {"crs": 32631} if source is points else {}
+        with pytest.raises(terrane.Error, match="EPSG:2154"):
+            terrane.grid(source, 10.0, clip=elsewhere, **crs)
