@@ -29,6 +29,7 @@ mod line_hierarchy;
 mod manners;
 mod many;
 mod mosaic;
+mod operation_values;
 mod operations;
 mod parts;
 mod pipes;

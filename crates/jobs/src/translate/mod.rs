@@ -20,6 +20,7 @@ mod overlap;
 pub mod plan;
 mod portion;
 mod prepared;
+mod report;
 mod shares;
 mod sorted;
 mod split;
@@ -32,14 +33,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use rayon::prelude::*;
-use serde::Serialize;
 
-use crate::figures::Figures;
 use crate::input::workers;
 use crate::plan::At;
 use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Packer, Records};
-use crate::transform::{Transform, Transformed};
+use crate::transform::Transform;
 use crate::{Cancel, Progress, Resources};
 pub use above::{Above, Classify, HeightsAs, Layers, Reclassify};
 use above::{Looking, Told};
@@ -50,9 +49,9 @@ use moved::{Move, MovedRecords};
 pub use options::{PointsOptions, TileFormat};
 use overlap::FlightLines;
 pub use overlap::Overlap;
-use plan::PointsWritten;
 use portion::Portion;
 use prepared::{Prepared, least, record_bytes, stored};
+pub use report::TranslateReport;
 use shares::Shares;
 pub use sorted::Sort;
 use sorted::Sorted;
@@ -63,7 +62,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Apart;
 use terrane_cloud::write::{CloudWriter, Packing, WriteOptions};
 use terrane_cloud::{
-    Carrier, Census, Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, PointSource,
+    Carrier, Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, PointSource,
 };
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, is_held, path_of};
@@ -131,42 +130,6 @@ impl TranslateJob {
             overwrite: false,
             resources: Resources::default(),
         }
-    }
-}
-
-/// What was written.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)]
-pub struct TranslateReport {
-    pub input: String,
-    pub output: String,
-    pub point_format: u8,
-    /// What became of the points that were read; of work that was kept it is not known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub census: Option<Census>,
-    /// Files written.
-    pub files: u64,
-    /// Points written; those of buffers are so in several files.
-    pub points: u64,
-    pub crs: String,
-    /// What was done to places.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub transformed: Option<Transformed>,
-    pub output_bytes: u64,
-    #[serde(flatten)]
-    pub run: Figures,
-    /// Points that were read.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub points_per_second: Option<f64>,
-    pub notes: Vec<String>,
-}
-
-impl From<PointsWritten> for TranslateReport {
-    fn from(written: PointsWritten) -> Self {
-        let PointsWritten { input, output, point_format, files, points, crs, output_bytes, notes } =
-            written;
-        let usual = Self::default();
-        Self { input, output, point_format, files, points, crs, output_bytes, notes, ..usual }
     }
 }
 
