@@ -21,8 +21,6 @@ pub(crate) const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16
 const LEAST_BESIDE: u64 = 4 << 20;
 /// Fewest bytes for cache and mesh together.
 const LEAST_SHARED: u64 = 6 << 20;
-/// What else helps where workers take too much.
-const OTHERWISE: &str = "a smaller ‹tile›";
 /// Most bytes for decoded blocks: more than a few rows of them are never read again.
 const MOST_CACHE: u64 = 1 << 30;
 
@@ -70,7 +68,7 @@ pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
 fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<Shares> {
     let least = least(worker, 0).saturating_add(held);
     if memory < least {
-        return Err(too_little(memory, least).or(OTHERWISE));
+        return Err(too_little(memory, least));
     }
     let memory = memory - held;
     let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
@@ -79,6 +77,11 @@ fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<
     let cache = (rest / 2).min(MOST_CACHE);
     let mesh = rest - cache;
     Ok(Shares { threads, cache, mesh: mesh - mesh / SLACK })
+}
+
+/// The error of a job whose workers take less where its tiles are smaller.
+pub(crate) fn or_smaller_tiles(error: Error) -> Error {
+    if error.kind() == ErrorKind::Resource { error.or("a smaller ‹tile›") } else { error }
 }
 
 /// The error of a job that takes `least` bytes.
@@ -162,7 +165,7 @@ fn enough(
     let block = look_at(input, options).ok()?.block_bytes();
     let least = least(worker, block).saturating_add(held);
     let is_enough = block <= MOST_CACHE && least > resources.memory;
-    let error = is_enough.then(|| too_little(resources.memory, least).or(OTHERWISE))?;
+    let error = is_enough.then(|| too_little(resources.memory, least))?;
     // Where polygons are among what takes it, they are named.
     Some(match &options.clip {
         Some(clip) => error.at("with its polygons").in_file(clip.path()),

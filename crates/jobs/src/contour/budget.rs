@@ -48,7 +48,8 @@ impl Budget {
             (job.options.resources.memory, job.options.resources.threads.max(1));
         let share = (memory / 4 / threads as u64).saturating_sub(samples);
         let crossings = (share / each).clamp(least, most);
-        let shares = memory::divide(memory, threads, samples + crossings * each)?;
+        let shares = memory::divide(memory, threads, samples + crossings * each)
+            .map_err(memory::or_smaller_tiles)?;
         Ok(Self {
             threads: shares.threads,
             cache: shares.cache,

@@ -55,7 +55,7 @@ pub use options::{CloudTilesOptions, ModelOptions, TileOptions, TilesOptions};
 pub(crate) use place::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 use place::{Heights, Place};
 pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::refuse_held;
 use terrane_raster::{self as raster, GridSource, Inputs, Water, looks_like_nodata};
@@ -236,8 +236,7 @@ impl Opened {
         let held = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
         let worker = glance::worker_bytes(&look) + each;
         let (grid, shares) =
-            memory::open_beside(held, &job.input, &options, &job.resources, worker)
-                .map_err(without_tile)?;
+            memory::open_beside(held, &job.input, &options, &job.resources, worker)?;
         Ok(Self { job: job.clone(), grid, shares, heights, mask, division, look })
     }
 
@@ -286,15 +285,6 @@ impl Opened {
             return Err(refuse(error, &remedy));
         }
         Ok(overview)
-    }
-}
-
-/// There is no `--tile` here to make smaller.
-fn without_tile(error: Error) -> Error {
-    let memory = error.remedy_text().and_then(|text| text.split_once(", or a"));
-    match memory.map(|(memory, _)| memory.to_owned()) {
-        Some(memory) if error.kind() == ErrorKind::Resource => error.remedy(memory),
-        _ => error,
     }
 }
 

@@ -68,7 +68,8 @@ pub fn build(
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
     let features = job.refinement.features(None, job.resources)?;
     let worker = job.worker(&features, layout.side());
-    let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
+    let shares = memory::divide(job.resources.memory, job.resources.threads, worker)
+        .map_err(memory::or_smaller_tiles)?;
     build_within((source, [None; 2], features), sink, job, shares, progress, cancel)
 }
 

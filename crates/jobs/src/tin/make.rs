@@ -186,18 +186,20 @@ pub(super) fn open_tiled(
         Ok((Box::new(Upright::new(source)) as Box<dyn GridSource>, shares))
     };
     let tile = checked_tile(tile)?;
-    open(tile).or_else(|error: Error| {
-        let too_large = |_: &Error| {
-            let source = memory::look_at(input, options).ok()?;
-            let GridInfo { width, height, .. } = *source.info();
-            Layout::new(width, height, tile).ok().map(|layout| layout.side())
-        };
-        let side = Some(&error).filter(|error| error.kind() == ErrorKind::Resource);
-        match side.and_then(too_large) {
-            Some(side) if side < tile => open(side),
-            _ => Err(error),
-        }
-    })
+    open(tile)
+        .or_else(|error: Error| {
+            let too_large = |_: &Error| {
+                let source = memory::look_at(input, options).ok()?;
+                let GridInfo { width, height, .. } = *source.info();
+                Layout::new(width, height, tile).ok().map(|layout| layout.side())
+            };
+            let side = Some(&error).filter(|error| error.kind() == ErrorKind::Resource);
+            match side.and_then(too_large) {
+                Some(side) if side < tile => open(side),
+                _ => Err(error),
+            }
+        })
+        .map_err(memory::or_smaller_tiles)
 }
 
 /// Errors about the content of the input name it.
