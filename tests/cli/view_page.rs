@@ -79,7 +79,7 @@ fn what_a_page_cannot_do_is_refused() {
     for (args, told) in cases {
         place.fails(&[&["view"], args].concat(), 2, told);
     }
-    place.fails(&["view", "mesh.ply", "--html", "a.html", "--bbox", "0,0,1,1"], 65, &["--bbox"]);
+    place.fails(&["view", "mesh.ply", "--html", "a.html", "--bbox", "0,0,1,1"], 65, &["--bounds"]);
     let large = ["view", "synth:rough,size=513", "--html", "a.html", "--memory", "16M"];
     place.fails(&large, 75, &["--memory"]);
     place.fails(&["view", "gone.ply", "--html", "a.html"], 65, &["gone.ply"]);
