@@ -89,7 +89,7 @@ fn what_a_page_cannot_do_is_refused() {
     place.fails(&small, 65, &["row.asc", "no surface"]);
     place.fails(&[&small[..], &["--insertion"]].concat(), 2, &["row.asc", "two rows"]);
     let beside = ["view", "dem.tif", "--html", "a.html", "--bbox", "0,0,1,1"];
-    place.fails(&beside, 2, &["dem.tif", "--bbox"]);
+    place.fails(&beside, 2, &["dem.tif", "--bounds"]);
     assert!(!place.path("a.html").exists());
 }
 
