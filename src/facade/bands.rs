@@ -29,7 +29,7 @@ pub struct BandGrid {
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = |name| folder.path().join(name);
 /// # let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
-/// # cloud.grid(1.0).stats("min,mean,max").write(path("photo.tif"))?;
+/// # cloud.grid(1.0).stat("min,mean,max").write(path("photo.tif"))?;
 /// # let (photo, mesh) = (path("photo.tif").display().to_string(), path("mesh.ply"));
 /// let photo = terrane::open_bands(photo, &[1, 2, 3]).weights(&[1.0, 2.0, 1.0]); // "photo.tif"
 /// let made = photo.tin().max_error(4.0).write(&mesh)?;                          // "mesh.ply"
