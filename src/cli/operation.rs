@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{Field, Options, Rule, Table, changed, check_given, set_texts, to_map};
+use terrane_options::{Field, Options, Rule, Table, check_given, set_texts, to_map};
 
 use crate::atomic;
 use crate::cli::shared::many::Many;
@@ -72,8 +72,8 @@ pub(super) trait Source: Input + Clone {
     /// How files are opened, to see whether they are good.
     fn opening(&self, resources: &Resources) -> Result<Opening>;
 
-    /// Fails for what is not read, and when an option was given that cannot act on a file.
-    fn check(&self, name: &str, many: &Many) -> Result<()>;
+    /// Fails for what is not read, and when one of the options that were given cannot act on a file.
+    fn check(name: &str, many: &Many, given: &[&'static str]) -> Result<()>;
 
     /// The lists of what is read.
     fn lists() -> Vec<String>;
@@ -82,16 +82,15 @@ pub(super) trait Source: Input + Clone {
     fn skip_bad(&mut self) {}
 }
 
-/// The files that are taken of inputs, where these cannot be stdin.
+/// The files that are taken of inputs, where these cannot be stdin and some options were given.
 pub(super) fn take<O: Operation<Input: Source>>(
-    options: &mut O,
+    (options, given): (&mut O, &[&'static str]),
     input: Vec<String>,
     many: &Many,
 ) -> Result<Sifted> {
-    let reading: &O::Input = options.part();
-    let opening = reading.opening(options.part())?;
+    let opening = Has::<O::Input>::part(options).opening(options.part())?;
     let input = many.find(&input, opening.kind())?;
-    input.iter().try_for_each(|name| reading.check(name, many))?;
+    input.iter().try_for_each(|name| O::Input::check(name, many, given))?;
     let sifted = many.sift(input, opening.kind(), options.part())?;
     skip_bad(options, many);
     Ok(sifted)
@@ -134,7 +133,7 @@ impl Source for GridInput {
     }
 
     /// A mesh has nothing of all this, what is made by rule no bands.
-    fn check(&self, name: &str, many: &Many) -> Result<()> {
+    fn check(name: &str, many: &Many, given: &[&'static str]) -> Result<()> {
         if many.is_cloud(name)? {
             return Err(Error::usage("is a point cloud, and a grid is read")
                 .in_file(&path_of(name))
@@ -142,10 +141,10 @@ impl Source for GridInput {
                     "make a grid of it first: terrane grid --dtm, or by tasks terrane plan grid",
                 ));
         }
-        let given = changed(self);
         // A synthetic terrain has samples, too.
-        let of_files = ["band", "nodata"].into_iter().find(|name| given.contains_key(*name));
-        match (of_files, given.keys().next()) {
+        let of_files = given.iter().find(|name| ["band", "nodata"].contains(name));
+        let of_grids = given.iter().find(|name| Self::TABLE.find(name).is_some());
+        match (of_files, of_grids) {
             (Some(option), _) => args::only_grid_files(&format!("‹{option}›"), name),
             (None, Some(option)) => args::only_grids(&format!("‹{option}›"), name),
             (None, None) => Ok(()),
@@ -170,7 +169,7 @@ impl Source for CloudInput {
         Ok(Opening::Clouds(Box::new(anywhere.options(resources)?)))
     }
 
-    fn check(&self, _name: &str, _many: &Many) -> Result<()> {
+    fn check(_name: &str, _many: &Many, _given: &[&'static str]) -> Result<()> {
         Ok(())
     }
 
@@ -296,7 +295,7 @@ where
         _ => atomic::refuse_stdout(&output).map(|()| None)?,
     };
     input = many.find(&input, opening.kind())?;
-    input.iter().try_for_each(|name| reading.check(name, many))?;
+    input.iter().try_for_each(|name| O::Input::check(name, many, given))?;
     options.check(&output)?;
     // A list of files is read, too.
     let lists = named_input.iter().filter_map(|name| name.strip_prefix('@')).map(str::to_owned);

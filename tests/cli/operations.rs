@@ -479,6 +479,8 @@ fn what_was_given_counts_whatever_its_value() {
         ),
         (&["points", "-", "o", "--tile", "9", "--workdir", "w"], "--workdir"),
         (&["plan", "finish", "w", "--task", "tile-0"], "--task"),
+        (&["slope", TERRAIN, "o.tif", "--band", "1"], "--band"),
+        (&["plan", "tiles", TERRAIN, "-o", "w", "--band", "1"], "--band"),
     ] {
         place.fails(args, 2, &[told]);
     }

@@ -143,6 +143,7 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     );
     place.write("g.asc", cli_support::GRID).write("g.prj", "EPSG:32631");
     place.fails(&["tiles", "g.asc", "t", "--cell", "1"], 2, &["--cell", "g.asc"]);
+    place.fails(&["tiles", "g.asc", "t", "--ground", "auto"], 2, &["--ground", "g.asc"]);
     place.fails(&["tiles", "g.asc", "t", "--class", "2"], 2, &["--class is for point clouds"]);
     place.write("p.xyz", "1 2 3\n4 5 6\n7 9 3\n8 1 2\n");
     place.fails(&["tiles", "cloud:p.xyz", "t"], 65, &["p.xyz", "where on the globe", "--crs"]);
@@ -150,4 +151,6 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     place.fails(&["verify", "m.ply", "g.asc", "--cell", "1"], 2, &["--cell", "terrain tiles"]);
     place.ok(&["tiles", "g.asc", "g", "--max-level", "4", "-q"]);
     place.fails(&["verify", "g", "g.asc", "--ground", "class"], 2, &["--ground", "g.asc"]);
+    place.fails(&["verify", "g", "g.asc", "--ground", "auto"], 2, &["--ground", "g.asc"]);
+    place.fails(&["verify", "m.ply", "g.asc", "--ground", "auto"], 2, &["--ground"]);
 }

@@ -112,8 +112,9 @@ fn task_size_alias(operation: &str) -> &'static str {
 impl<O: Divisible<Input: Source>> Planned<O> {
     fn run(&self, cancel: &Cancel, summary: fn(&O::Status) -> String) -> Result<Outcome> {
         let mut options = self.options.0.clone();
-        check_given(&options, &self.options.1)?;
-        let sifted = take(&mut options, self.input.clone(), &self.many)?;
+        let given = self.options.1.as_slice();
+        check_given(&options, given)?;
+        let sifted = take((&mut options, given), self.input.clone(), &self.many)?;
         let (inputs, skipped) = (Inputs::from(sifted.names), sifted.skipped.as_slice());
         let (output, progress) = (self.folder.as_path(), self.show.progress());
         let request =

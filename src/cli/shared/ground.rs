@@ -1,7 +1,5 @@
 //! Arguments about the model of the ground that tiles of clouds are made of, which several verbs share.
 
-use terrane_options::changed;
-
 use crate::cli::shared::tabled::Tabled;
 use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
@@ -23,7 +21,7 @@ impl Ground {
 
     /// The first of these options that was given.
     pub(crate) fn given(&self) -> Option<String> {
-        changed(&self.options.0).keys().next().map(|name| format!("‹{name}›"))
+        self.options.1.first().map(|name| format!("‹{name}›"))
     }
 
     /// Fails when any of these options was given, because `input` is no cloud.

@@ -1,7 +1,5 @@
 //! Arguments about points of clouds, which several verbs share.
 
-use terrane_options::changed;
-
 use crate::cli::shared::args::Grid;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::text;
@@ -34,8 +32,7 @@ impl Points {
 
     /// Fails when any of these options was given, because `input` is no cloud.
     pub(crate) fn refuse(&self, input: &str) -> Result<()> {
-        let given = changed(&self.filter.0);
-        let Some(option) = given.keys().next() else { return Ok(()) };
+        let Some(option) = self.filter.1.first() else { return Ok(()) };
         Err(Error::usage(format!("‹{option}› is for point clouds, and this is none"))
             .in_file(&path_of(input))
             .remedy(format!("leave ‹{option}› out, or name a .las or .laz file")))
