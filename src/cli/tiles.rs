@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use terrane_options::changed;
+use terrane_options::Options;
 
 use crate::cli::operation::{self, Frame};
 use crate::cli::shared::many::Many;
@@ -91,8 +91,8 @@ impl Args {
     fn of_cloud(&self, of_grid: TilesOptions) -> Result<CloudTilesOptions> {
         let TilesOptions { tiles, replacing, grid, resuming, resources } = of_grid;
         let GridInput { bounds, clip, water, .. } = grid;
-        let of_grids = GridInput { bounds: None, clip: None, water: None, ..grid };
-        if let Some(name) = changed(&of_grids).keys().next() {
+        let is_of_grids = |name: &&&str| CloudTilesOptions::TABLE.find(name).is_none();
+        if let Some(name) = self.options.1.iter().find(is_of_grids) {
             let option = format!("‹{name}›");
             return Err(args::refusal(&option, &self.input[0], "a point cloud"));
         }

@@ -134,6 +134,7 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
         place.fails(&[&["tiles", CLOUD, "t"], more].concat(), 2, words);
     };
     tiles(&["--band", "2"], &["--band", "a point cloud"]);
+    tiles(&["--band", "1"], &["--band", "a point cloud"]);
     tiles(&["--nodata", "0"], &["--nodata", "a point cloud"]);
     tiles(&["--meshopt"], &["--meshopt", "--format 3dtiles"]);
     place.fails(
