@@ -175,6 +175,21 @@ fn what_comes_through_a_pipe_is_called_a_dash_everywhere() {
 }
 
 #[test]
+fn tiles_of_points_from_stdin_say_so() {
+    let place = Place::new();
+    let points: String = (0..400)
+        .map(|i| format!("{} {} {}\n", 500_000 + i % 20, 4_750_000 + i / 20, i * 31 % 17))
+        .collect();
+    let args = ["tiles", "cloud:-", "t", "--ground", "filter", "--crs", "EPSG:32631", "--json"];
+    let args = [&args[..], &["--max-level", "4"]].concat();
+    let ran = piped(&place, &args, points.as_bytes());
+    assert_eq!(ran.code, 0, "{}", ran.err);
+    assert_eq!(settled(ran.out.as_bytes())["input"], "-");
+    let layer = settled(&place.bytes("t/layer.json"));
+    assert_eq!(layer["terrane"]["source"], "-");
+}
+
+#[test]
 fn errors_of_what_comes_through_a_pipe_name_a_dash() {
     let (place, ..) = streams();
     for args in [

@@ -16,7 +16,7 @@ pub(crate) struct Ground {
 impl Ground {
     /// The model of some clouds.
     pub(crate) fn model(&self, input: Vec<String>, cloud: OpenOptions) -> GroundModel {
-        GroundModel { input, cloud, model: self.options.0.clone() }
+        GroundModel { input: input.into(), cloud, model: self.options.0.clone() }
     }
 
     /// The first of these options that was given.

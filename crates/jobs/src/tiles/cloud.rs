@@ -28,7 +28,7 @@ const MODEL: &str = "model.tif";
 #[derive(Clone, Debug)]
 pub struct GroundModel {
     /// Files, folders, patterns or lists of clouds.
-    pub input: Vec<String>,
+    pub input: Inputs,
     /// How they are read.
     pub cloud: OpenOptions,
     /// Its cells, and which points are ground.
@@ -90,8 +90,10 @@ pub fn run_cloud(
 
 impl GroundModel {
     fn made(&self, path: PathBuf, notes: Vec<String>, temporary: Option<TempDir>) -> Result<Made> {
-        let files = cloud::files(&self.input).unwrap_or_else(|_| self.input.clone());
-        let label = beside::in_order(&files).to_string();
+        let names = self.input.names();
+        let files = || cloud::files(names).unwrap_or_else(|_| names.to_vec());
+        let label = self.input.label().map(str::to_owned);
+        let label = label.unwrap_or_else(|| beside::in_order(&files()).to_string());
         let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
         Ok(Made { inputs, path, notes, _temporary: temporary })
     }
@@ -153,15 +155,16 @@ impl GroundModel {
     /// A cloud that cannot be opened, that does not say where it lies, or whose points are too few to tell how far
     /// apart they are.
     fn job(&self, resources: &Resources) -> Result<GridJob> {
-        let of_cloud = |error: Error| match &self.input[..] {
+        let names = self.input.names();
+        let of_cloud = |error: Error| match names {
             [name] => error.in_file(&path_of(name)),
             _ => error,
         };
-        if cloud::source(&self.input, &self.cloud)?.info().crs.is_unknown() {
+        if cloud::source(names, &self.cloud)?.info().crs.is_unknown() {
             let error = Error::bad_input("does not say where on the globe it lies");
             return Err(of_cloud(error.remedy("name its reference system: ‹crs› EPSG:2154")));
         }
-        let model = GridJob::of_preset(self.input.clone(), PathBuf::new(), Preset::Dtm, 1.0);
+        let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), Preset::Dtm, 1.0);
         let model = GridJob {
             cloud: self.cloud.clone(),
             format: Some(FORMAT.to_owned()),

@@ -204,7 +204,7 @@ impl Operation for CloudTilesOptions {
             ..TilesJob::new("", output)
         };
         let model = GroundModel {
-            input: inputs.names().to_vec(),
+            input: inputs.clone(),
             cloud: self.cloud.options(&self.resources)?,
             model: self.model.clone(),
         };

@@ -30,6 +30,11 @@ impl Inputs {
         &self.names
     }
 
+    /// What people are shown instead of the names.
+    pub fn label(&self) -> Option<&str> {
+        self.label.as_deref()
+    }
+
     /// The files that the names stand for, by absolute paths, still called what the user called them.
     ///
     /// # Errors
