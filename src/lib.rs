@@ -80,7 +80,7 @@ pub use terrane_base::bound::Bound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
 pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, Marks, PointFormat, Return};
-pub use terrane_jobs::cloud_tin::CloudTinReport;
+pub use terrane_jobs::cloud_tin::{CloudTinOptions, CloudTinReport};
 pub use terrane_jobs::colours::ColorReliefOptions;
 pub use terrane_jobs::contour::{ContourOptions, ContourReport};
 pub use terrane_jobs::convert::{ConvertOptions, ConvertReport};
@@ -90,7 +90,8 @@ pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
 pub use terrane_jobs::operation::{
     AnyOperation, Divisible, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,
 };
-pub use terrane_jobs::options::{CloudInput, PointFilter};
+pub use terrane_jobs::options::{CloudInput, GridInput, PointFilter};
+pub use terrane_jobs::placing::Placing;
 pub use terrane_jobs::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
 pub use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
@@ -100,14 +101,17 @@ pub use terrane_jobs::tiles::{
     Beyond as TilesBeyond, CloudTilesOptions, Format as TilesFormat, ModelOptions, TileOptions,
     TilesOptions, TilesReport,
 };
-pub use terrane_jobs::tin::TinReport;
+pub use terrane_jobs::tin::{
+    Constraints, Refinement, Target, Tin, TinOptions, TinParts, TinReport,
+};
 pub use terrane_jobs::translate::{
     Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, PointsOptions, Reclassify,
     Sort, Thin, TileFormat, TranslateReport,
 };
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, FileAt, Progress, Silent};
-pub use terrane_raster::{ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};
+pub use terrane_methods::Triangulation;
+pub use terrane_raster::{ArrayGrid, ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};
 
 /// The code of the tutorial, tested with that of the documentation.
 #[cfg(doctest)]

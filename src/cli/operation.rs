@@ -15,20 +15,28 @@ use crate::door::Door;
 use crate::error::{Error, Result};
 use crate::files::{is_made, path_of};
 use crate::jobs::Resources;
+use crate::jobs::cloud_tin::CloudTinReport;
 use crate::jobs::contour::ContourReport;
 use crate::jobs::convert::ConvertReport;
 use crate::jobs::grid::GridReport;
 use crate::jobs::memory::cache_beside;
 use crate::jobs::operation::{Has, Input, Operation, Request, Writes, read_beside};
 use crate::jobs::options::{CloudInput, GridInput, Replacing};
-use crate::jobs::sift::Sifted;
+use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tiles::TilesReport;
+use crate::jobs::tin::TinReport;
 use crate::jobs::translate::TranslateReport;
+use crate::raster::Inputs;
 use crate::{cloud, raster};
 
 /// A report for people.
 pub(super) trait Summary: serde::Serialize {
     fn summary(&self) -> String;
+
+    /// What was asked for and is not so.
+    fn unmet(&self) -> Option<String> {
+        None
+    }
 }
 
 impl Summary for ConvertReport {
@@ -46,6 +54,26 @@ impl Summary for ContourReport {
 impl Summary for GridReport {
     fn summary(&self) -> String {
         super::grid::summary(self)
+    }
+}
+
+impl Summary for TinReport {
+    fn summary(&self) -> String {
+        super::tin::summary(self)
+    }
+
+    fn unmet(&self) -> Option<String> {
+        self.unmet()
+    }
+}
+
+impl Summary for CloudTinReport {
+    fn summary(&self) -> String {
+        super::tin::cloud_summary(self)
+    }
+
+    fn unmet(&self) -> Option<String> {
+        self.unmet()
     }
 }
 
@@ -110,6 +138,14 @@ pub(super) enum Opening {
 }
 
 impl Opening {
+    /// The same of grids whose bands may be colours.
+    fn of_colours(self, colours: bool) -> Self {
+        match self {
+            Self::Grids(options) => Self::Grids(raster::OpenOptions { colours, ..options }),
+            Self::Clouds(_) => self,
+        }
+    }
+
     pub(super) fn kind(&self) -> many::Kind<'_> {
         match self {
             Self::Grids(options) => many::Kind::Grids(options),
@@ -125,9 +161,10 @@ impl Source for GridInput {
     const STDIN: pipes::Holds<'static> = pipes::Holds::Grid;
 
     fn opening(&self, resources: &Resources) -> Result<Opening> {
-        let (band, nodata, threads) = (self.band, self.nodata, resources.threads);
-        let (cache_bytes, temp_dir) = (cache_beside(resources.memory), resources.temp_dir.clone());
         let usual = raster::OpenOptions::default();
+        let (nodata, threads) = (self.nodata, resources.threads);
+        let band = self.band.unwrap_or(usual.band);
+        let (cache_bytes, temp_dir) = (cache_beside(resources.memory), resources.temp_dir.clone());
         let options = raster::OpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual };
         Ok(Opening::Grids(options))
     }
@@ -234,6 +271,7 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
             Writes::Grid => vec![lists::grids_written(), lists::creation_options()],
             Writes::Colours => vec![lists::creation_options()],
             Writes::Lines => vec![lists::features_written()],
+            Writes::Mesh => vec![lists::meshes()],
             Writes::Tiles | Writes::Points => Vec::new(),
         };
         let own = lists::of_options(O::TABLE).collect();
@@ -272,24 +310,53 @@ pub(super) struct Frame<'a> {
     pub(super) show: &'a args::Show,
 }
 
-/// Runs an operation.
+/// Runs an operation and tells of it.
 pub(super) fn run<O>(mut options: O, frame: Frame<'_>, call: &Call<'_>) -> Result<Outcome>
 where
     O: Operation<Input: Source, Report: Summary> + Has<Replacing>,
 {
-    let Frame { input: named_input, output, given, report, many, show } = frame;
+    let made = make(&mut options, &frame, call)?;
+    let told = report::WithSkipped { report: &made.report, skipped: &made.skipped };
+    if let Some(path) = frame.report {
+        report::write(path, is_replacing(&options), &told)?;
+    }
+    frame.show.beside(made.is_poured).tell(&told, || made.report.summary())?;
+    Ok(Outcome::Kept)
+}
+
+/// What a run made.
+pub(super) struct Made<R> {
+    pub(super) report: R,
+    pub(super) inputs: Inputs,
+    pub(super) skipped: Vec<Skipped>,
+    /// True where stdout has the result.
+    is_poured: bool,
+    /// What inputs are in, if they came from there.
+    _stdin: pipes::Stdin<'static>,
+}
+
+/// Runs an operation, whose options are then as they were used.
+pub(super) fn make<O>(
+    options: &mut O,
+    frame: &Frame<'_>,
+    call: &Call<'_>,
+) -> Result<Made<O::Report>>
+where
+    O: Operation<Input: Source> + Has<Replacing>,
+{
+    let Frame { input: named_input, output, given, report, many, show } = *frame;
     let (mut input, mut output) = (named_input.to_vec(), output.to_path_buf());
-    check_given(&options, given)?;
+    check_given(options, given)?;
     let reading = O::Input::clone(options.part());
     let resources = Resources::clone(options.part());
-    let opening = reading.opening(&resources)?;
+    let opening = reading.opening(&resources)?.of_colours(options.takes_colours());
     let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
-    if named(&options, "workdir").is_some() {
+    if named(options, "workdir").is_some() {
         stdin.refuse("‹workdir›")?;
     }
     let stdout = match O::WRITES {
         Writes::Lines => {
-            let format = named(&options, "format");
+            let format = named(options, "format");
             pipes::Stdout::take(&mut output, format.as_deref(), &resources)?
         }
         _ => atomic::refuse_stdout(&output).map(|()| None)?,
@@ -299,29 +366,31 @@ where
     options.check(&output)?;
     // A list of files is read, too.
     let lists = named_input.iter().filter_map(|name| name.strip_prefix('@')).map(str::to_owned);
-    let read = [O::Input::files(&input)?, read_beside(&options)?, lists.collect()].concat();
-    check_files(&options, &read, &output, report)?;
+    let read = [O::Input::files(&input)?, read_beside(options)?, lists.collect()].concat();
+    check_files(options, &read, &output, report)?;
     stdin.gather(&mut input, call.cancel)?;
     let Sifted { names, skipped } = many.sift(input, opening.kind(), &resources)?;
-    skip_bad(&mut options, many);
+    skip_bad(options, many);
     let are_made = names.iter().all(|name| is_made(name));
     let inputs = stdin.inputs(names);
     let (progress, cancel) = (show.progress(), call.cancel);
-    let (progress, skipped) = (progress.as_ref(), skipped.as_slice());
-    let request = Request { inputs: &inputs, output: &output, skipped, progress, cancel };
+    let (progress, is_measured) = (progress.as_ref(), show.json || report.is_some());
+    let request = Request {
+        inputs: &inputs,
+        output: &output,
+        skipped: &skipped,
+        is_measured,
+        progress,
+        cancel,
+    };
     let made =
         options.run(request).map_err(|error| if are_made { synth::size(error) } else { error })?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
-    let told = report::WithSkipped { report: &made, skipped };
-    if let Some(path) = report {
-        report::write(path, is_replacing(&options), &told)?;
-    }
-    show.beside(stdout.is_some()).tell(&told, || made.summary())?;
-    Ok(Outcome::Kept)
+    Ok(Made { report: made, inputs, skipped, is_poured: stdout.is_some(), _stdin: stdin })
 }
 
 /// Whether what exists is replaced.
-fn is_replacing(options: &impl Has<Replacing>) -> bool {
+pub(super) fn is_replacing(options: &impl Has<Replacing>) -> bool {
     options.part().overwrite
 }
 
@@ -369,11 +438,13 @@ fn check_files<O: Operation + Has<Replacing>>(
     let overwrite = is_replacing(options);
     check::beside(&read_beside(options)?)?;
     let workdir = named(options, "workdir").map(PathBuf::from);
+    // An output that exists may be that of an earlier run there.
+    let goes_on = workdir.as_ref().is_some_and(|folder| folder.exists());
     let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
     check::not_among(files, &outputs)?;
     match options.is_folder() {
         true => check::folder(output)?,
-        false => check::new_file(output, overwrite)?,
+        false => check::new_file(output, overwrite || goes_on)?,
     }
     check::report(report, files, &outputs, overwrite)
 }

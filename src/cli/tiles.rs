@@ -2,15 +2,12 @@
 
 use std::path::PathBuf;
 
-use terrane_options::Options;
-
 use crate::cli::operation::{self, Frame};
+use crate::cli::shared::either::Either;
 use crate::cli::shared::many::Many;
-use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, ground, lists, many, names, points, report, text};
+use crate::cli::shared::{Outcome, args, lists, many, names, report, text};
 use crate::error::Result;
-use crate::jobs::options::GridInput;
 use crate::jobs::tiles::{self, CloudTilesOptions, TilesOptions, TilesReport};
 
 /// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail
@@ -38,11 +35,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    options: Tabled<TilesOptions>,
-    #[command(flatten)]
-    ground: ground::Ground,
-    #[command(flatten)]
-    points: points::Points,
+    options: Either<TilesOptions, CloudTilesOptions>,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -73,31 +66,12 @@ impl Verb for Args {
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
         let Self { input, output, report, many, show, .. } = self;
-        let given = [self.options.1.clone(), self.ground.options.1.clone()].concat();
-        let report = report.as_deref();
-        let frame = Frame { input, output, given: &given, report, many, show };
-        let options = self.options.0.clone();
-        if many.are_clouds(input)? {
-            return operation::run(self.of_cloud(options)?, frame, call);
+        let (given, report) = (self.options.given(), report.as_deref());
+        let frame = Frame { input, output, given, report, many, show };
+        match many.are_clouds(input)? {
+            true => operation::run(self.options.of_cloud(&input[0])?, frame, call),
+            false => operation::run(self.options.of_grid(&input[0])?, frame, call),
         }
-        self.ground.refuse(&input[0])?;
-        self.points.refuse(&input[0])?;
-        operation::run(options, frame, call)
-    }
-}
-
-impl Args {
-    /// The same of a cloud: tiles of a model of the ground.
-    fn of_cloud(&self, of_grid: TilesOptions) -> Result<CloudTilesOptions> {
-        let TilesOptions { tiles, replacing, grid, resuming, resources } = of_grid;
-        let GridInput { bounds, clip, water, .. } = grid;
-        let is_of_grids = |name: &&&str| CloudTilesOptions::TABLE.find(name).is_none();
-        if let Some(name) = self.options.1.iter().find(is_of_grids) {
-            let option = format!("‹{name}›");
-            return Err(args::refusal(&option, &self.input[0], "a point cloud"));
-        }
-        let (model, cloud) = (self.ground.options.0.clone(), self.points.input(bounds, clip));
-        Ok(CloudTilesOptions { tiles, model, water, replacing, cloud, resuming, resources })
     }
 }
 

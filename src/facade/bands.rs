@@ -1,13 +1,13 @@
 //! Several bands of a grid that share one mesh, such as the colours of a photograph.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::run::{Run, output_settings, run_settings};
 use super::verify::VerifyBuilder;
-use terrane_base::{Error, Result};
+use terrane_base::Result;
 use terrane_jobs::bands::Bands;
+use terrane_jobs::operation::Job;
 use terrane_jobs::options::GridInput;
-use terrane_jobs::tin::{self, Goal, TinJob, TinReport};
+use terrane_jobs::tin::TinOptions;
 use terrane_jobs::verify::{self, AskedBands, VerifyJob, VerifyReport};
 use terrane_raster::Inputs;
 
@@ -67,9 +67,22 @@ impl BandGrid {
         self
     }
 
-    /// One mesh of all the bands.
-    pub fn tin(&self) -> BandTinBuilder<'_> {
-        BandTinBuilder { grid: self, goal: None, format: None, run: Run::default() }
+    /// One mesh of all the bands, by greedy insertion of the sample whose largest weighted error over all bands is the
+    /// largest (Garland and Heckbert 1995). The bands are held in memory, at 8 bytes a sample each and 212 for all of them.
+    /// PLY holds any bands, GLB three or four of 8 bits as colours.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// let bands = terrane::open_bands("synth:rough,size=65", &[1, 1]);
+    /// assert!(bands.tin().max_error(1.0).write("mesh.ply").is_err(), "one band twice");
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn tin(&self) -> Job<'_, TinOptions> {
+        let grid = GridInput { band: self.heights, ..self.reading.clone() };
+        let (bands, weights) = (self.bands.clone(), self.weights.clone());
+        let options = TinOptions { grid, bands, weights, ..TinOptions::default() };
+        Job::new(self.inputs.clone(), options)
     }
 
     /// The proof of a mesh in a file against these bands, each of its channels and its heights.
@@ -79,65 +92,6 @@ impl BandGrid {
 
     fn bands(&self) -> Result<Bands> {
         Bands::new(&self.bands, &self.weights, self.heights)
-    }
-}
-
-/// A mesh of several bands to be made, by greedy insertion of the sample whose largest weighted error over all
-/// bands is the largest (Garland and Heckbert 1995). The bands are held in memory, at 8 bytes a sample each
-/// and 212 for all of them.
-pub struct BandTinBuilder<'a> {
-    grid: &'a BandGrid,
-    goal: Option<Goal>,
-    format: Option<String>,
-    run: Run,
-}
-
-run_settings!([] BandTinBuilder<'_>);
-output_settings!([] BandTinBuilder<'_>);
-
-impl BandTinBuilder<'_> {
-    /// In no band any valid sample further than this from the mesh, divided by the weight of the band.
-    pub fn max_error(mut self, tolerance: f64) -> Self {
-        self.goal = Some(Goal::MaxError(tolerance));
-        self
-    }
-
-    /// The smallest tolerance that so many vertices allow.
-    pub fn max_vertices(mut self, count: u64) -> Self {
-        self.goal = Some(Goal::MaxVertices(count));
-        self
-    }
-
-    /// The smallest tolerance that so many triangles allow.
-    pub fn max_triangles(mut self, count: u64) -> Self {
-        self.goal = Some(Goal::MaxTriangles(count));
-        self
-    }
-
-    /// Makes the mesh and writes it: PLY holds any bands, GLB three or four of 8 bits as colours.
-    ///
-    /// # Errors
-    /// No goal; a band there is not, or twice; weights of another number; a grid with a side of more than 2^14
-    /// samples, or that the memory does not hold; an output that exists, or of a format without room for bands.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// let bands = terrane::open_bands("synth:rough,size=65", &[1, 1]);
-    /// assert!(bands.tin().max_error(1.0).write("mesh.ply").is_err(), "one band twice");
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn write(self, path: impl Into<PathBuf>) -> Result<TinReport> {
-        let none = || Error::usage("the mesh has nothing to reach").remedy("say .max_error(...)");
-        let BandGrid { inputs, reading, .. } = self.grid;
-        let job = TinJob {
-            reading: reading.clone(),
-            format: self.format,
-            overwrite: self.run.overwrite,
-            resources: self.run.resources()?,
-            ..TinJob::new(inputs.clone(), path.into(), self.goal.ok_or_else(none)?)
-        };
-        tin::run_bands(&job, &self.grid.bands()?, &*self.run.progress, &self.run.cancel)
     }
 }
 

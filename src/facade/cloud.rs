@@ -1,16 +1,14 @@
 //! Point clouds in files and in memory.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use super::run::{Run, output_settings, run_settings};
 use super::verify::VerifyBuilder;
+use terrane_base::Result;
 use terrane_base::geom::Crs;
-use terrane_base::{Error, Result};
 use terrane_cloud::{self as cloud, CloudInfo, HeldCloud, Marks, OpenOptions};
 use terrane_files::name_of;
-use terrane_jobs::cloud_tin::plan::{PlanCloudTinJob, plan_cloud_tin};
-use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use terrane_jobs::cloud_tin::CloudTinOptions;
 use terrane_jobs::grid::GridOptions;
 use terrane_jobs::operation::{AnyOperation, Call, Job, Operation, Request};
 use terrane_jobs::options::CloudInput;
@@ -145,17 +143,30 @@ impl Cloud {
         &self.info
     }
 
-    /// A triangle mesh of it, none of its points further from the mesh than a tolerance.
-    pub fn tin(&self) -> CloudTinBuilder<'_> {
-        let run = Run::default();
-        CloudTinBuilder {
-            cloud: self,
-            tolerance: None,
-            keep_points: None,
-            breaklines: None,
-            format: None,
-            run,
-        }
+    /// A triangle mesh of it, none of its points further from the mesh than a tolerance: the Delaunay triangulation of some
+    /// of its points, and of posts on breaklines.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, kerb, work, other] = ["mesh.ply", "kerb.wkt", "work", "other.ply"].map(|name| folder.path().join(name));
+    /// std::fs::write(&kerb, "LINESTRING (500010 4750010, 500040.5 4750033, 500055 4750020)").unwrap();
+    /// std::fs::write(kerb.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
+    /// let made = cloud.tin().max_error(0.5).breaklines(kerb.to_str().unwrap()).write(&path)?;
+    /// assert!(made.max_error <= Some(0.5) && made.breaklines.unwrap().apart == 0);
+    /// let proof = cloud.verify(&path).breaklines(&kerb).run()?;
+    /// assert!(proof.verdict.passed && proof.verdict.judged);
+    ///
+    /// let plan = cloud.tin().max_error(0.5).plan(&work, None)?;
+    /// plan.run().task("choose-0").run()?; // anywhere, in any order
+    /// plan.run().output(&other).run()?; // what is left, and the mesh
+    /// assert!(cloud.verify(&other).run()?.verdict.passed);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn tin(&self) -> Job<'_, CloudTinOptions> {
+        self.job(CloudTinOptions { cloud: self.reading.clone(), ..CloudTinOptions::default() })
     }
 
     /// A grid of it, with square cells of this side in units of the reference system: in one pass over the points, each band
@@ -227,7 +238,7 @@ impl Cloud {
         cancel: &Cancel,
     ) -> Result<serde_json::Value> {
         let inputs = &Inputs::from(self.inputs.clone());
-        let request = Request { inputs, output, skipped: &[], progress, cancel };
+        let request = Request { inputs, output, skipped: &[], is_measured: true, progress, cancel };
         (operation.run)(&Call { request, reading: changed(&self.reading), options })
     }
 
@@ -244,7 +255,8 @@ impl Cloud {
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Plan> {
         let inputs = &Inputs::from(self.inputs.clone());
-        let request = Request { inputs, output: folder, skipped: &[], progress, cancel };
+        let request =
+            Request { inputs, output: folder, skipped: &[], is_measured: true, progress, cancel };
         operation.plan(&Call { request, reading: changed(&self.reading), options }, task_size)
     }
 
@@ -272,136 +284,5 @@ impl Cloud {
     /// The proof of a mesh in a file against this cloud.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Cloud> {
         VerifyBuilder::of(self, mesh.as_ref())
-    }
-}
-
-/// A mesh of a cloud to be made: the Delaunay triangulation of some of its points, and of posts on lines.
-///
-/// ```
-/// # fn main() -> terrane::Result<()> {
-/// # let folder = tempfile::tempdir().unwrap();
-/// # let path = folder.path().join("mesh.ply");
-/// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
-/// let report = cloud.tin().max_error(0.5).write(&path)?;
-/// assert!(report.max_error <= Some(0.5));
-/// # Ok(())
-/// # }
-/// ```
-pub struct CloudTinBuilder<'a> {
-    cloud: &'a Cloud,
-    tolerance: Option<f64>,
-    keep_points: Option<PathBuf>,
-    breaklines: Option<PathBuf>,
-    format: Option<String>,
-    run: Run,
-}
-
-run_settings!([] CloudTinBuilder<'_>);
-output_settings!([] CloudTinBuilder<'_>);
-
-impl CloudTinBuilder<'_> {
-    /// No point further than this from the mesh, vertically, in the unit of the heights; 0 keeps all.
-    pub fn max_error(mut self, tolerance: f64) -> Self {
-        self.tolerance = Some(tolerance);
-        self
-    }
-
-    /// The point of the cloud nearest to each point of a file of features is a vertex; of lines and polygons it is
-    /// that nearest to each of their vertices.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [file, path] = ["peaks.wkt", "mesh.ply"].map(|name| folder.path().join(name));
-    /// std::fs::write(&file, "MULTIPOINT (500010 4750010, 500040.5 4750033)").unwrap();
-    /// std::fs::write(file.with_extension("prj"), "EPSG:32631").unwrap();
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
-    /// let made = cloud.tin().max_error(0.5).keep_points(&file).write(&path)?;
-    /// assert_eq!(made.keep_points.unwrap().vertices, 2);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn keep_points(mut self, file: impl Into<PathBuf>) -> Self {
-        self.keep_points = Some(file.into());
-        self
-    }
-
-    /// Edges follow the lines and the rings of the polygons of a file of features, along posts of their own: at the
-    /// heights of the lines, if they have any, and else on the surface of all points.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [file, path] = ["kerb.wkt", "mesh.ply"].map(|name| folder.path().join(name));
-    /// std::fs::write(&file, "LINESTRING (500010 4750010, 500040.5 4750033, 500055 4750020)").unwrap();
-    /// std::fs::write(file.with_extension("prj"), "EPSG:32631").unwrap();
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
-    /// let made = cloud.tin().max_error(0.5).breaklines(&file).write(&path)?;
-    /// assert_eq!(made.breaklines.unwrap().apart, 0);
-    /// let proof = cloud.verify(&path).breaklines(&file).run()?;
-    /// assert!(proof.verdict.passed && proof.verdict.judged);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn breaklines(mut self, file: impl Into<PathBuf>) -> Self {
-        self.breaklines = Some(file.into());
-        self
-    }
-
-    /// Makes the mesh and writes it, within the memory allowed.
-    ///
-    /// # Errors
-    /// No tolerance, or one that is none; points that are no surface; features none of which is on the cloud; damage
-    /// in the files; too little memory; an output that exists or cannot be written; cancelled.
-    pub fn write(self, path: impl Into<PathBuf>) -> Result<CloudTinReport> {
-        let job = CloudTinJob { measure: true, ..self.job(path.into())? };
-        cloud_tin::run(&job, &*self.run.progress, &self.run.cancel)
-    }
-
-    /// Writes down in a folder what is to be made and by which tasks, so that it can be done by pieces and by
-    /// many machines: [`Plan`](crate::Plan). A task has `cut` points at the most, but for the few that are worked on
-    /// together, or as many as make a fair piece of work. The format is PLY unless told otherwise.
-    ///
-    /// # Errors
-    /// As [`write`](Self::write); points to keep and breaklines; a folder that holds something else.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let (work, mesh) = (folder.path().join("work"), folder.path().join("mesh.ply"));
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
-    /// let plan = cloud.tin().max_error(0.5).plan(&work, None)?;
-    /// plan.run().task("choose-0").run()?; // anywhere, in any order
-    /// plan.run().output(&mesh).run()?; // what is left, and the mesh
-    /// assert!(cloud.verify(&mesh).run()?.verdict.passed);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn plan(self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
-        if self.run.overwrite {
-            return Err(Error::usage("a plan writes no mesh yet, in place of another")
-                .remedy("leave overwrite out, and say it of the run"));
-        }
-        let folder = folder.into();
-        let format = Some(self.format.clone().unwrap_or_else(|| "PLY".to_owned()));
-        let job = CloudTinJob { format, ..self.job(folder.join("mesh"))? };
-        let plan =
-            PlanCloudTinJob { job, folder: folder.clone(), cut: cut.into(), skipped: Vec::new() };
-        plan_cloud_tin(&plan, &*self.run.progress, &self.run.cancel)?;
-        Plan::open(folder)
-    }
-
-    fn job(&self, output: PathBuf) -> Result<CloudTinJob> {
-        let none = || Error::usage("the mesh has nothing to reach").remedy("say .max_error(...)");
-        let (tolerance, resources) = (self.tolerance.ok_or_else(none)?, self.run.resources()?);
-        let name = |file: &Option<PathBuf>| file.clone().map(name_of).transpose();
-        Ok(CloudTinJob {
-            options: self.cloud.options.clone(),
-            format: self.format.clone(),
-            overwrite: self.run.overwrite,
-            keep_points: name(&self.keep_points)?,
-            breaklines: name(&self.breaklines)?,
-            ..CloudTinJob::new(self.cloud.inputs.clone(), output, tolerance, resources)
-        })
     }
 }

@@ -74,7 +74,7 @@ impl Features {
     ) -> Result<serde_json::Value> {
         let inputs = &Inputs::from(self.path.clone());
         let reading = terrane_options::to_map(&FeatureInput { layer: self.layer.clone() });
-        let request = Request { inputs, output, skipped: &[], progress, cancel };
+        let request = Request { inputs, output, skipped: &[], is_measured: true, progress, cancel };
         (operation.run)(&Call { request, reading, options })
     }
 

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::tin::TinBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
@@ -19,6 +18,7 @@ use terrane_jobs::relief::{
     TriOptions,
 };
 use terrane_jobs::tiles::TilesOptions;
+use terrane_jobs::tin::TinOptions;
 use terrane_jobs::{Cancel, Progress, Resources, memory};
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
@@ -112,7 +112,7 @@ impl Grid {
     /// # Errors
     /// A band there is not.
     pub fn band(self, band: u32) -> Result<Self> {
-        let reading = GridInput { band, ..self.reading.clone() };
+        let reading = GridInput { band: Some(band), ..self.reading.clone() };
         self.read_as(reading)
     }
 
@@ -225,9 +225,36 @@ impl Grid {
         Ok(heights)
     }
 
-    /// A triangle mesh of it, none of its samples further from the mesh than a tolerance.
-    pub fn tin(&self) -> TinBuilder<&Grid> {
-        TinBuilder::of(self)
+    /// A triangle mesh of it, none of its samples further from the mesh than a tolerance, by greedy insertion (Garland and
+    /// Heckbert 1995) in tiles that share the vertices along their borders, joined without seams, redundant vertices
+    /// dropped again; or by [another method](Job::method).
+    ///
+    /// One of [`max_error`](Job::max_error), [`max_vertices`](Job::max_vertices) and
+    /// [`max_triangles`](Job::max_triangles) is the target. [`write`](Job::write) makes the mesh in a file, whatever its
+    /// size, [`build`](Job::build) in memory. Takes time about in proportion to the samples, and twice to six times as long
+    /// for a number of vertices or triangles. The result depends on nothing but the heights, the options and the size of
+    /// [tiles](Job::tile).
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, peaks, thin] = ["mesh.ply", "peaks.wkt", "thin.ply"].map(|name| folder.path().join(name));
+    /// # std::fs::write(&peaks, "MULTIPOINT ((500100 4749000), (500512 4749377))").unwrap();
+    /// # std::fs::write(peaks.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// let report = dem.tin().max_error(5.0).min_angle(20.0).memory("256M").write(&path)?;
+    /// assert_eq!(report.thin_triangles.unwrap().count, 0);
+    /// assert!(dem.verify(&path).run()?.verdict.passed);
+    ///
+    /// // Samples nearest to the points of a file stay; triangles may be others than Delaunay ones.
+    /// let fewer = dem.tin().max_error(5.0).keep_points(peaks.to_str().unwrap());
+    /// let fewer = fewer.triangulation(terrane::Triangulation::DataDependent).write(&thin)?;
+    /// assert!(fewer.vertices < report.vertices);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn tin(&self) -> Job<'_, TinOptions> {
+        self.job()
     }
 
     /// Contour lines of it: at every interval or at given heights, joined across tiles, voids respected.
@@ -367,7 +394,7 @@ impl Grid {
         cancel: &Cancel,
     ) -> Result<serde_json::Value> {
         let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
-        let request = Request { inputs, output, skipped: &[], progress, cancel };
+        let request = Request { inputs, output, skipped: &[], is_measured: true, progress, cancel };
         (operation.run)(&Call { request, reading, options })
     }
 
@@ -384,7 +411,8 @@ impl Grid {
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Plan> {
         let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
-        let request = Request { inputs, output: folder, skipped: &[], progress, cancel };
+        let request =
+            Request { inputs, output: folder, skipped: &[], is_measured: true, progress, cancel };
         operation.plan(&Call { request, reading, options }, task_size)
     }
 

@@ -8,15 +8,12 @@ mod grid;
 mod run;
 mod simplify;
 mod surface;
-mod tin;
-mod tin_file;
 mod verify;
 
-pub use bands::{BandGrid, BandTinBuilder, open_bands};
-pub use cloud::{Cloud, CloudTinBuilder, open_cloud, open_points};
+pub use bands::{BandGrid, open_bands};
+pub use cloud::{Cloud, open_cloud, open_points};
 pub use features::{Features, open_features};
 pub use grid::{Grid, open, open_array};
 pub use simplify::{Coordinates, Method, Simplify, simplify};
 pub use surface::Surface;
-pub use tin::{ArrayGrid, Tin, TinBuilder, TinParts};
 pub use verify::VerifyBuilder;

@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use terrane_base::{Error, Result};
+use terrane_base::Result;
 use terrane_jobs::operation::Memory;
-use terrane_jobs::transform::Transform;
 use terrane_jobs::{Cancel, Progress, Resources, Silent};
 
 /// What a builder was told of its run.
@@ -12,7 +11,6 @@ pub(super) struct Run {
     pub(super) memory: Option<Memory>,
     pub(super) threads: Option<usize>,
     pub(super) temp_dir: Option<PathBuf>,
-    pub(super) overwrite: bool,
     pub(super) progress: Box<dyn Progress + Send>,
     pub(super) cancel: Cancel,
 }
@@ -23,7 +21,6 @@ impl Default for Run {
             memory: None,
             threads: None,
             temp_dir: None,
-            overwrite: false,
             progress: Box::new(Silent),
             cancel: Cancel::default(),
         }
@@ -38,55 +35,6 @@ impl Run {
         let threads = self.threads.map_or(usual.threads, |threads| threads.max(1));
         Ok(Resources { threads, memory, temp_dir: self.temp_dir.clone() })
     }
-}
-
-/// The reference system of an output, as a builder was told.
-#[derive(Default)]
-pub(super) struct System {
-    pub(super) target: Option<String>,
-    pub(super) shift_grid: Option<PathBuf>,
-    pub(super) geoid: Option<PathBuf>,
-}
-
-impl System {
-    /// What the job is to do, if anything.
-    pub(super) fn transform(&self) -> Result<Option<Transform>> {
-        let Self { target, shift_grid, geoid } = self;
-        if target.is_none() && (shift_grid.is_some() || geoid.is_some()) {
-            return Err(Error::usage("a grid of shifts and a geoid lead to another system")
-                .remedy("say .to_crs(...), or leave them out"));
-        }
-        let (shift_grid, geoid) = (shift_grid.clone(), geoid.clone());
-        Ok(target.clone().map(|target| Transform { target, shift_grid, geoid }))
-    }
-}
-
-/// The reference system to write in, for a builder that has it as `system`.
-macro_rules! system_settings {
-    ([$($generic:tt)*] $builder:ty) => {
-        impl<$($generic)*> $builder {
-            /// Write in this reference system: a code such as `"EPSG:4326"` or `"EPSG:6339+6360"`, or well-known
-            /// text. All that is decided is decided before, in the system of the input.
-            pub fn to_crs(mut self, system: impl Into<String>) -> Self {
-                self.system.target = Some(system.into());
-                self
-            }
-
-            /// A file with a grid of shifts between the datums of both systems (NTv2), which takes the place of
-            /// what is known of them.
-            pub fn shift_grid(mut self, file: impl Into<std::path::PathBuf>) -> Self {
-                self.system.shift_grid = Some(file.into());
-                self
-            }
-
-            /// A file with the heights of a geoid above the ellipsoid, in metres (GTX or GeoTIFF), for systems that
-            /// count heights from different ones of the two.
-            pub fn geoid(mut self, file: impl Into<std::path::PathBuf>) -> Self {
-                self.system.geoid = Some(file.into());
-                self
-            }
-        }
-    };
 }
 
 /// The settings of a run, for a builder that has them as `run`.
@@ -130,32 +78,4 @@ macro_rules! run_settings {
     };
 }
 
-/// The leave to replace files, for a builder that writes.
-macro_rules! overwrite_setting {
-    ([$($generic:tt)*] $builder:ty) => {
-        impl<$($generic)*> $builder {
-            /// Replace an output that exists, once the new one is complete; else that is an error.
-            pub fn overwrite(mut self, overwrite: bool) -> Self {
-                self.run.overwrite = overwrite;
-                self
-            }
-        }
-    };
-}
-
-/// The same, and the format that is written, for a builder that has it as `format`.
-macro_rules! output_settings {
-    ([$($generic:tt)*] $builder:ty) => {
-        super::run::overwrite_setting!([$($generic)*] $builder);
-
-        impl<$($generic)*> $builder {
-            /// Write this format, by its name, instead of the one of the file's ending.
-            pub fn format(mut self, name: impl Into<String>) -> Self {
-                self.format = Some(name.into());
-                self
-            }
-        }
-    };
-}
-
-pub(super) use {output_settings, overwrite_setting, run_settings, system_settings};
+pub(super) use run_settings;

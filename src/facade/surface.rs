@@ -3,8 +3,8 @@
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-use super::tin::Tin;
 use terrane_base::geom::plane::orient;
+use terrane_jobs::tin::Tin;
 
 /// The surface of a [`Tin`], ready to be asked for heights at any place: triangles by the cell of a coarse grid
 /// that their bounding boxes touch. Takes about 20 bytes a triangle, and time in proportion to their number to make.
@@ -146,15 +146,17 @@ fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ArrayGrid, Result};
+    use crate::Result;
     use proptest::prelude::*;
 
     /// A mesh of random heights with holes, turned and far from the origin.
     fn tin(heights: &[f32], width: u32, height: u32, turned: bool) -> Result<Tin> {
         let (a, b) = if turned { (0.7, -0.3) } else { (2.0, 0.0) };
         let to_world = crate::Affine { x0: 5e5, a, b, y0: 4e6, d: b, e: -a };
-        let tin: crate::TinBuilder<ArrayGrid<'_>> = Tin::from_array(heights, width, height)?;
-        tin.place(to_world, crate::Crs::default()).max_error(1.0).build()
+        Tin::from_array(heights, width, height)?
+            .place(to_world, crate::Crs::default())
+            .max_error(1.0)
+            .build()
     }
 
     proptest! {

@@ -25,6 +25,7 @@ use crate::relief::{
 };
 use crate::sift::Skipped;
 use crate::tiles::TilesOptions;
+use crate::tin::TinOptions;
 use crate::translate::PointsOptions;
 use crate::{Cancel, Progress, Resources, Silent, memory};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -34,6 +35,7 @@ use terrane_vector as vector;
 
 /// All operations that write a file, in the order of the help.
 pub const OPERATIONS: &[AnyOperation] = &[
+    AnyOperation::divisible::<TinOptions>(),
     AnyOperation::of::<ConvertOptions>(),
     AnyOperation::divisible::<GridOptions>(),
     AnyOperation::divisible::<PointsOptions>(),
@@ -77,6 +79,8 @@ pub enum Writes {
     Grid,
     /// Colours, in a format that holds them.
     Colours,
+    /// A mesh: a file, or a folder of files.
+    Mesh,
     /// Lines.
     Lines,
     /// A folder of tiles.
@@ -130,6 +134,8 @@ pub struct Request<'a> {
     pub output: &'a Path,
     /// Files that were left out of the inputs, as they cannot be read.
     pub skipped: &'a [Skipped],
+    /// Whether errors are measured for the report where that takes time.
+    pub is_measured: bool,
     /// Who is told how far it is.
     pub progress: &'a dyn Progress,
     /// What may stop it.
@@ -152,6 +158,11 @@ pub trait Operation:
     /// True where the output is a folder.
     fn is_folder(&self) -> bool {
         Self::WRITES == Writes::Tiles
+    }
+
+    /// True where bands of a grid may be colours.
+    fn takes_colours(&self) -> bool {
+        false
     }
 
     /// What can be known to be wrong before the grid is opened, beside ranges and rules of the options.
@@ -258,7 +269,7 @@ impl Call<'_> {
 }
 
 /// Options by name that go together; those of `given` that are not null count as given.
-fn filled<O: Operation>(all: &Map<String, Json>, given: &Map<String, Json>) -> Result<O> {
+fn filled<O: Options>(all: &Map<String, Json>, given: &Map<String, Json>) -> Result<O> {
     let options: O = fill(all)?;
     let given = given.iter().filter(|(_, value)| !value.is_null());
     let given: Vec<_> = given.filter_map(|(name, _)| O::TABLE.find(name)).collect();
@@ -372,9 +383,10 @@ impl From<String> for Memory {
     }
 }
 
-/// An operation on some files, to be told its options by setters and to be run by [`write`](Self::write).
-pub struct Job<'a, O> {
-    inputs: Inputs,
+/// An operation on some files, or on something in memory, to be told its options by setters and to be run by
+/// [`write`](Self::write) or what else ends it.
+pub struct Job<'a, O, S = Inputs> {
+    pub(crate) source: S,
     pub(crate) options: O,
     memory: Option<Memory>,
     progress: Box<dyn Progress + Send>,
@@ -383,11 +395,11 @@ pub struct Job<'a, O> {
     held: PhantomData<&'a ()>,
 }
 
-impl<'a, O: Options + Has<Resources>> Job<'a, O> {
-    /// The operation on some files.
-    pub fn new(inputs: Inputs, options: O) -> Self {
+impl<O: Options + Has<Resources>, S> Job<'_, O, S> {
+    /// The operation on some files, or on something else.
+    pub fn new(source: S, options: O) -> Self {
         let (progress, cancel) = (Box::new(Silent), Cancel::default());
-        Self { inputs, options, memory: None, progress, cancel, held: PhantomData }
+        Self { source, options, memory: None, progress, cancel, held: PhantomData }
     }
 
     /// The options as they are by now.
@@ -398,6 +410,17 @@ impl<'a, O: Options + Has<Resources>> Job<'a, O> {
     /// All of the options, instead of those that were told before.
     pub fn with(self, options: O) -> Self {
         Self { options, ..self }
+    }
+
+    /// Options by name, beside those that were told before.
+    ///
+    /// # Errors
+    /// Usage: a name of no option, a value that is none, options that do not go together.
+    pub fn with_named(self, given: &Map<String, Json>) -> Result<Self> {
+        let mut all = changed(&self.options);
+        all.extend(given.clone());
+        let options = filled(&all, given)?;
+        Ok(Self { options, ..self })
     }
 
     /// Most memory for everything the job holds: bytes, or a text such as `"512M"`. Half of the machine's, at most
@@ -416,17 +439,29 @@ impl<'a, O: Options + Has<Resources>> Job<'a, O> {
         Self { cancel: by.clone(), ..self }
     }
 
-    /// Does something with the options and the rest of what was told.
-    pub(crate) fn with_request<T>(
+    /// Does something with what the job is about, its options, and those who watch it.
+    pub(crate) fn act<T>(
         mut self,
-        output: &Path,
-        act: impl FnOnce(&O, Request<'_>) -> Result<T>,
+        act: impl FnOnce(S, &O, &dyn Progress, &Cancel) -> Result<T>,
     ) -> Result<T> {
         if let Some(memory) = &self.memory {
             Has::<Resources>::part_mut(&mut self.options).memory = memory.bytes()?;
         }
-        let Self { inputs, options, progress, cancel, .. } = &self;
-        act(options, Request { inputs, output, skipped: &[], progress: &**progress, cancel })
+        act(self.source, &self.options, &*self.progress, &self.cancel)
+    }
+}
+
+impl<O: Options + Has<Resources>> Job<'_, O> {
+    /// The same with a request for an output.
+    pub(crate) fn with_request<T>(
+        self,
+        output: &Path,
+        act: impl FnOnce(&O, Request<'_>) -> Result<T>,
+    ) -> Result<T> {
+        self.act(|inputs, options, progress, cancel| {
+            let (inputs, skipped, is_measured) = (&inputs, &[][..], true);
+            act(options, Request { inputs, output, skipped, is_measured, progress, cancel })
+        })
     }
 }
 
@@ -444,7 +479,7 @@ impl<O: Operation> Job<'_, O> {
     }
 }
 
-impl<O: Has<GridOutput>> Job<'_, O> {
+impl<O: Has<GridOutput>, S> Job<'_, O, S> {
     /// A creation option of the format, such as `COMPRESS`, `DEFLATE`; one more each time.
     #[must_use]
     pub fn creation(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {

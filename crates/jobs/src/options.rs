@@ -9,6 +9,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use terrane_options::{Options, Range, Rule};
 
+use crate::cloud_tin::CloudTinOptions;
 use crate::grid::GridOptions;
 use crate::plan::{DiskCheck, as_text};
 use crate::tiles::CloudTilesOptions;
@@ -16,9 +17,10 @@ use crate::transform::Transform;
 use crate::translate::PointsOptions;
 use crate::{Resources, reading};
 pub use codecs::{
-    AsFormula, AsNumber, AsText, Bounds, Bytes, CellSize, CrsText, FileName, FileSize, Finite,
-    FiniteOrNan, Interval, KeyValue, LengthText, MarkName, Place, PointFormatNumber,
-    ResamplingName, SampleTypeName, StatisticList,
+    AsFormula, AsNumber, AsText, BoundName, Bounds, Bytes, CellSize, CrsText, FileName, FileSize,
+    Finite, FiniteOrNan, GREEDY, Interval, KeyValue, LengthText, MarkName, MeshMethodName, Place,
+    PointFormatNumber, PrintLength, PrintScale, ResamplingName, SampleTypeName, StatisticList,
+    TriangulationName,
 };
 use terrane_base::attribute::Return;
 use terrane_base::geom::wkt;
@@ -29,8 +31,9 @@ use terrane_cloud::{Condition, Filter, Flags, OpenOptions};
 #[options(setters = group)]
 pub struct GridInput {
     /// Band to read, from 1
-    #[option(value = "N", default = 1, range = Range::new(1.0, u32::MAX as f64))]
-    pub band: u32,
+    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), default_text = "1")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub band: Option<u32>,
     /// Stored value that means "no height", instead of the file's own
     #[option(value = "VALUE", with = FiniteOrNan)]
     #[serde(with = "as_text")]
@@ -86,7 +89,7 @@ pub struct PointFilter {
 
 /// How clouds are read
 #[derive(Clone, Debug, PartialEq, Options)]
-#[options(heading = "Points", setters = group, setters_for(GridOptions, PointsOptions, CloudTilesOptions))]
+#[options(heading = "Points", setters = group, setters_for(GridOptions, PointsOptions, CloudTilesOptions, CloudTinOptions))]
 pub struct CloudInput {
     /// Only points within this box, its borders included
     #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds)]

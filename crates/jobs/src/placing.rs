@@ -12,26 +12,41 @@
 //! data would be one in the file.
 
 use serde::{Deserialize, Serialize};
+use terrane_options::{Options, Range, Rule};
 
-use crate::tin::vertical_unit;
+use crate::cloud_tin::CloudTinOptions;
+use crate::options::{PrintLength, PrintScale};
+use crate::tin::{TinOptions, vertical_unit};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, Spheroid};
 use terrane_mesh::MeshFormat;
 
-/// How a mesh is to lie in its file.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// How a mesh lies in a file of its own coordinates
+#[derive(Clone, Copy, Debug, PartialEq, Options)]
+#[options(
+    heading = "Viewers and printers (STL, 3MF and GLB)",
+    setters = group,
+    setters_for(TinOptions, CloudTinOptions),
+    rules = OF_PLACING
+)]
 pub struct Placing {
-    /// Longitudes and latitudes stay what they are.
+    /// Leave longitudes and latitudes as they are
+    #[option(role = Run, default_text = "metres east, north and up of the middle")]
     pub keep_degrees: bool,
-    /// Longest side of the print, in metres.
+    /// Longest side of the print, such as 100mm or 12cm, a plain number in millimetres; STL and 3MF are in
+    /// millimetres then
+    #[option(value = "LENGTH", with = PrintLength, range = Range::POSITIVE, role = Run)]
     pub size: Option<f64>,
-    /// Metres of the print for one of the ground.
+    /// Scale of the print, such as 1:50000 or 0.001; STL and 3MF are in millimetres then
+    #[option(value = "SCALE", with = PrintScale, range = Range::POSITIVE, role = Run)]
     pub scale: Option<f64>,
-    /// Heights are so many times too high.
-    pub exaggerate: Option<f64>,
-    /// Thickness of the solid under the lowest height, in metres of the print.
-    pub base: Option<f64>,
+    /// Make heights so many times higher
+    #[option(value = "FACTOR", alias = "exaggerate", range = Range::POSITIVE, role = Run)]
+    pub exaggeration: Option<f64>,
 }
+
+const OF_PLACING: &[Rule] =
+    &[Rule::NotWith("size", &["scale", "keep_degrees"]), Rule::NotWith("scale", &["keep_degrees"])];
 
 /// How a mesh lies in its file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -77,13 +92,12 @@ const MOST_LATITUDE: f64 = 89.9;
 
 impl Placing {
     /// The option that asks for coordinates of the file's own, if any.
-    pub fn given(&self) -> Option<&'static str> {
+    pub(crate) fn given(&self) -> Option<&'static str> {
         let options = [
             ("‹keep_degrees›", self.keep_degrees),
             ("‹size›", self.size.is_some()),
             ("‹scale›", self.scale.is_some()),
-            ("‹exaggeration›", self.exaggerate.is_some()),
-            ("‹base›", self.base.is_some()),
+            ("‹exaggeration›", self.exaggeration.is_some()),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
@@ -117,9 +131,6 @@ impl Placing {
         if !format.single_precision {
             return self.keep(is_geographic, format);
         }
-        if self.base.is_some() && !format.can_be_solid {
-            return Err(refusal("‹base›", "is for STL and 3MF, which can be solids"));
-        }
         if self.keep_degrees && format.states_unit {
             let why = format!("is not for {}, whose unit is a length", format.name);
             return Err(refusal("‹keep_degrees›", &why));
@@ -128,7 +139,7 @@ impl Placing {
             return Err(refusal("‹keep_degrees›", "is for longitudes and latitudes"));
         }
         let is_print = self.size.is_some() || self.scale.is_some();
-        let rise = self.exaggerate.unwrap_or(1.0);
+        let rise = self.exaggeration.unwrap_or(1.0);
         if !is_print && !format.states_unit && (self.keep_degrees || !is_geographic) {
             let placed = Placed { scale: rounded([1.0, 1.0, rise]), unit: None };
             return Ok((placed, notes_on_degrees(is_geographic, format)));
@@ -168,7 +179,7 @@ impl Placing {
         let Some(axis) = (0..3).find(|&axis| !is_held(axis, placed.scale[axis])) else {
             return Ok(());
         };
-        let rise = self.exaggerate.filter(|rise| axis == 2 && is_held(2, placed.scale[2] / rise));
+        let rise = self.exaggeration.filter(|rise| axis == 2 && is_held(2, placed.scale[2] / rise));
         let options = [("‹exaggeration›", rise), ("‹size›", self.size), ("‹scale›", self.scale)];
         let given = options.into_iter().find(|(_, given)| given.is_some());
         let name = format.name;
@@ -202,17 +213,14 @@ impl Placing {
         let side = |axis: usize| (high[axis] - low[axis]) * metres[axis];
         let longest = side(0).max(side(1));
         match longest > 0.0 && longest.is_finite() {
-            true => Ok(size / longest),
+            true => Ok(size * MILLIMETRE / longest),
             false => Err(refusal("‹size›", "needs a surface with an extent")),
         }
     }
-
-    /// The height of the bottom under a surface whose lowest height is `lowest`.
-    pub fn bottom(&self, lowest: f64, placed: &Placed) -> Option<f64> {
-        // Stored in millimetres.
-        self.base.map(|thickness| lowest - 1000.0 * thickness / placed.scale[2])
-    }
 }
+
+/// Metres.
+const MILLIMETRE: f64 = 1e-3;
 
 fn refusal(option: &str, why: &str) -> Error {
     Error::usage(format!("{option} {why}")).remedy(format!("leave {option} out"))
@@ -322,7 +330,7 @@ mod tests {
 
     #[test]
     fn what_is_asked_for_is_done_or_refused_by_name() {
-        let print = Placing { size: Some(0.1), ..Placing::default() };
+        let print = Placing { size: Some(100.0), ..Placing::default() };
         let at = |placing: Placing, crs: &Crs, bounds, name: &str| {
             placing
                 .place(crs, (bounds, [1.0; 3]), format(name))
@@ -342,9 +350,9 @@ mod tests {
         let (scale, unit, _) = at(print, &utm, METRES, "STL").unwrap();
         assert_eq!((scale, unit.as_str()), ([0.005; 3], "millimetre"));
         assert_eq!(at(print, &utm, METRES, "GLB").unwrap().0, [5e-6; 3]);
-        let scaled = Placing { scale: Some(1.0 / 50_000.0), exaggerate: Some(2.0), ..plain };
+        let scaled = Placing { scale: Some(1.0 / 50_000.0), exaggeration: Some(2.0), ..plain };
         assert_eq!(at(scaled, &utm, METRES, "STL").unwrap().0, [0.02, 0.02, 0.04]);
-        let steep = Placing { exaggerate: Some(3.0), ..plain };
+        let steep = Placing { exaggeration: Some(3.0), ..plain };
         assert_eq!(at(steep, &utm, METRES, "STL").unwrap().0, [1.0, 1.0, 3.0]);
         let feet = at(scaled, &crs(2263, ""), METRES, "STL").unwrap().0;
         assert!(
@@ -355,7 +363,6 @@ mod tests {
             (print, &utm, "PLY", "‹size› is for STL, 3MF and GLB: PLY"),
             (kept, &degrees, "OBJ", "‹keep_degrees› is for STL, 3MF and GLB: OBJ"),
             (kept, &utm, "GLB", "‹keep_degrees› is for longitudes"),
-            (Placing { base: Some(0.003), ..print }, &utm, "GLB", "‹base› is for STL"),
             (print, &self::crs(32631, "sazhen"), "STL", "sazhen"),
         ] {
             let refused = at(placing, crs, METRES, name).unwrap_err().to_string();
@@ -371,13 +378,5 @@ mod tests {
         assert_eq!(Placed::default().origin(origin, DEGREES), origin);
         let tiny = [[7.25097, 45.10058, 0.0], [7.25098, 45.10059, 0.0]];
         assert_eq!(placed.origin(origin, tiny), origin, "not outside of what it is the origin of");
-    }
-
-    #[test]
-    fn the_base_lies_below_the_lowest_height() {
-        let placing = Placing { size: Some(0.1), base: Some(0.003), ..Placing::default() };
-        let placed = Placed { scale: [0.005; 3], unit: None };
-        assert_eq!(placing.bottom(250.0, &placed), Some(-350.0));
-        assert_eq!(Placing::default().bottom(250.0, &placed), None);
     }
 }

@@ -25,7 +25,7 @@ impl GridInput {
         let water = self.water.as_deref().map(|name| water::read(name, resources)).transpose()?;
         let Resources { threads, temp_dir, .. } = resources.clone();
         Ok(OpenOptions {
-            band: self.band,
+            band: self.band.unwrap_or(1),
             nodata: self.nodata,
             cache_bytes,
             threads,

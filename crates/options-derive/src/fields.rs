@@ -72,14 +72,14 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     let rules = whole.rules.as_ref().map_or_else(|| quote!(&[]), |rules| quote!(#rules));
     let setters = match whole.setters.as_ref().map(Ident::to_string).as_deref() {
         None => TokenStream::new(),
-        Some("own") => quote!(impl crate::operation::Job<'_, #name> { #(#setters)* }),
+        Some("own") => quote!(impl<S> crate::operation::Job<'_, #name, S> { #(#setters)* }),
         Some(_) if !whole.setters_for.is_empty() => {
             let operations = &whole.setters_for;
             let setters = quote!(#(#setters)*);
-            quote!(#(impl crate::operation::Job<'_, #operations> { #setters })*)
+            quote!(#(impl<S> crate::operation::Job<'_, #operations, S> { #setters })*)
         }
         Some(_) => quote! {
-            impl<O: crate::operation::Has<#name>> crate::operation::Job<'_, O> { #(#setters)* }
+            impl<O: crate::operation::Has<#name>, S> crate::operation::Job<'_, O, S> { #(#setters)* }
         },
     };
     Ok(quote! {

@@ -6,7 +6,7 @@ use crate::{AnyValue, Field, Kind, Options, Table, texts_of, to_map};
 use terrane_base::error::{Error, Result};
 
 /// What options go with what. A term is the name of an option that is not at its default, or `name=value`, which of several
-/// values is one.
+/// values is one, or `name!=value`, which is another.
 #[derive(Clone, Copy, Debug)]
 pub enum Rule {
     /// Exactly one of these, which say what the second field names.
@@ -43,7 +43,7 @@ const fn name_of(term: &str) -> &str {
     let bytes = term.as_bytes();
     let mut i = 0;
     while i < bytes.len() {
-        if bytes[i] == b'=' {
+        if bytes[i] == b'=' || bytes[i] == b'!' {
             return term.split_at(i).0;
         }
         i += 1;
@@ -106,11 +106,19 @@ impl Given<'_> {
     /// Whether a term is so.
     fn is(&self, term: &str) -> bool {
         match term.split_once('=') {
-            Some((name, value)) => match self.now.get(name) {
-                Some(Json::Array(several)) => several.iter().any(|now| text(now) == value),
-                now => now.is_some_and(|now| text(now) == value),
+            Some((name, value)) => match name.strip_suffix('!') {
+                Some(name) => !self.has(name, value),
+                None => self.has(name, value),
             },
             None => self.now.get(term) != self.defaults.get(term) || self.is_given(term),
+        }
+    }
+
+    /// Whether a value is that of an option, or one of them.
+    fn has(&self, name: &str, value: &str) -> bool {
+        match self.now.get(name) {
+            Some(Json::Array(several)) => several.iter().any(|now| text(now) == value),
+            now => now.is_some_and(|now| text(now) == value),
         }
     }
 
@@ -133,6 +141,10 @@ impl Given<'_> {
 
     /// `‹a›, ‹b› or ‹c›`; of a flag that is on, turning it off is what is given.
     fn listed(&self, terms: &[&str]) -> String {
+        let terms: Vec<&str> = terms
+            .iter()
+            .map(|term| term.split_once("!=").map_or(*term, |(name, _)| name))
+            .collect();
         let named = |term: &&str| match self.table.find(term).and_then(|field| field.off) {
             Some(_) => format!("‹{term}=false›"),
             None => format!("‹{term}›"),

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::options::GridInput;
 use crate::jobs::tin::{Goal, TinJob, TinReport};
-use crate::jobs::verify::VerifyReport;
+use crate::jobs::verify::{VerifyJob, VerifyReport};
 use crate::jobs::view::ViewJob;
 use crate::jobs::{self, Cancel, Resources};
 
@@ -77,7 +77,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     convert::run(&terrain(TERRAIN, &files.grid, &resources), progress, cancel)?;
     let job = mesh(&files.grid, &files.mesh, &resources)?;
     let made = jobs::tin::run(&job, progress, cancel)?;
-    let checked = jobs::verify::run(&tin::proof(&job, &made), progress, cancel)?;
+    let checked = jobs::verify::run(&proof(&job, &made), progress, cancel)?;
     jobs::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
     let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
     report::write(&files.report, true, &report)?;
@@ -94,6 +94,22 @@ fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
         options.file.replacing.overwrite = true;
         options.resources = resources.clone();
     })
+}
+
+/// The proof of what a job wrote.
+fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
+    VerifyJob {
+        mesh: job.output.clone(),
+        raster: job.input.clone(),
+        reading: job.reading.clone(),
+        tolerance: Some(made.tolerance),
+        bound: None,
+        min_angle: None,
+        keep_points: None,
+        breaklines: None,
+        bands: None,
+        resources: job.resources.clone(),
+    }
 }
 
 fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {

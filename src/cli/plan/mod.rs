@@ -9,24 +9,20 @@ use clap::Subcommand;
 
 use terrane_options::check_given;
 
-use crate::cli::operation::{Source, take};
+use crate::cli::operation::{Frame, Source, take};
+use crate::cli::shared::either::Either;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{self, Outcome, args, many, names, parse, system};
-use crate::cli::tin;
-use crate::error::{Error, Result};
-use crate::jobs::cloud_tin::CloudTinJob;
-use crate::jobs::cloud_tin::plan::plan_cloud_tin;
+use crate::cli::shared::{Outcome, args, many, names};
+use crate::error::Result;
+use crate::jobs::Cancel;
+use crate::jobs::cloud_tin::CloudTinOptions;
 use crate::jobs::grid::GridOptions;
 use crate::jobs::operation::{Divisible, Operation, Request};
-use crate::jobs::plan::PlanJob;
-use crate::jobs::sift::Sifted;
 use crate::jobs::tiles::TilesOptions;
-use crate::jobs::tin::{Goal, TinJob, plan_work};
+use crate::jobs::tin::TinOptions;
 use crate::jobs::translate::PointsOptions;
-use crate::jobs::{Cancel, Resources};
-use crate::mesh;
 use crate::raster::Inputs;
 
 /// Write down the work on a large input as tasks, do them, here or on many machines, and tell how far they are
@@ -62,28 +58,34 @@ struct TinArgs {
     /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
-    /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
-    max_error: f64,
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
-    grid: args::Grid,
-    /// Mesh format
-    #[arg(short, long, value_name = "NAME", default_value = "PLY", help_heading = "Output")]
-    format: String,
-    #[command(flatten)]
-    system: system::System,
-    #[command(flatten)]
-    points: shared::points::Points,
-    #[command(flatten)]
-    method: tin::Method,
+    options: Either<TinOptions, CloudTinOptions, true>,
     /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]; of a cloud:
     /// most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
     #[arg(long, aliases = ["strip-rows", "cut"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
     task_size: Option<u32>,
     #[command(flatten)]
     show: args::Show,
+}
+
+impl TinArgs {
+    fn run(&self, cancel: &Cancel) -> Result<Outcome> {
+        let Self { input, folder, many, options, task_size, show } = self;
+        let frame =
+            Frame { input, output: folder, given: options.given(), report: None, many, show };
+        match many.are_clouds(input)? {
+            true => {
+                let options = options.of_cloud(&input[0])?;
+                plan(options, &frame, *task_size, cancel, status::cloud_summary)
+            }
+            false => {
+                let options = options.of_grid(&input[0])?;
+                plan(options, &frame, *task_size, cancel, status::summary)
+            }
+        }
+    }
 }
 
 /// Plan what an operation makes.
@@ -111,18 +113,30 @@ fn task_size_alias(operation: &str) -> &'static str {
 
 impl<O: Divisible<Input: Source>> Planned<O> {
     fn run(&self, cancel: &Cancel, summary: fn(&O::Status) -> String) -> Result<Outcome> {
-        let mut options = self.options.0.clone();
-        let given = self.options.1.as_slice();
-        check_given(&options, given)?;
-        let sifted = take((&mut options, given), self.input.clone(), &self.many)?;
-        let (inputs, skipped) = (Inputs::from(sifted.names), sifted.skipped.as_slice());
-        let (output, progress) = (self.folder.as_path(), self.show.progress());
-        let request =
-            Request { inputs: &inputs, output, skipped, progress: progress.as_ref(), cancel };
-        let report = options.plan(request, self.task_size)?;
-        self.show.tell(&report, || summary(&report))?;
-        Ok(Outcome::Kept)
+        let Self { input, folder, many, options: Tabled(options, given), task_size, show } = self;
+        let frame = Frame { input, output: folder, given, report: None, many, show };
+        plan(options.clone(), &frame, *task_size, cancel, summary)
     }
+}
+
+/// Writes down what options say, in a folder, and tells of it.
+fn plan<O: Divisible<Input: Source>>(
+    mut options: O,
+    frame: &Frame<'_>,
+    task_size: Option<u32>,
+    cancel: &Cancel,
+    summary: fn(&O::Status) -> String,
+) -> Result<Outcome> {
+    let Frame { input, output, given, many, show, .. } = *frame;
+    check_given(&options, given)?;
+    let sifted = take((&mut options, given), input.to_vec(), many)?;
+    let (inputs, skipped) = (&Inputs::from(sifted.names), sifted.skipped.as_slice());
+    let (progress, is_measured) = (show.progress(), false);
+    let progress = progress.as_ref();
+    let request = Request { inputs, output, skipped, is_measured, progress, cancel };
+    let report = options.plan(request, task_size)?;
+    show.tell(&report, || summary(&report))?;
+    Ok(Outcome::Kept)
 }
 
 impl Verb for Args {
@@ -145,7 +159,7 @@ impl Verb for Args {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match &args.what {
-        What::Tin(args) => plan_tin(args, cancel),
+        What::Tin(args) => args.run(cancel),
         What::Grid(args) => args.run(cancel, status::grid_summary),
         What::Tiles(args) => args.run(cancel, status::tiles_summary),
         What::Points(args) => args.run(cancel, status::points_summary),
@@ -153,63 +167,4 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         What::Status(args) => status::run(args),
         What::Finish(args) => run::finish(args, cancel),
     }
-}
-
-fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
-    if args.many.are_clouds(&args.input)? {
-        return plan_of_cloud(args, cancel);
-    }
-    args.points.refuse(&args.input[0])?;
-    if args.task_size.is_some_and(|rows| rows < 2) {
-        return Err(Error::usage("--task-size is 1: tasks have two rows of tiles at least")
-            .remedy("pass 2 or more, or leave it out"));
-    }
-    let resources = Resources::default();
-    let options = args.grid.open_options(&resources);
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
-    let args = &TinArgs { input: names, ..args.clone() };
-    let job = PlanJob { skipped, ..job(args)? };
-    let report = plan_work(&job, args.show.progress().as_ref(), cancel)?;
-    args.show.tell(&report, || status::summary(&report))?;
-    Ok(Outcome::Kept)
-}
-
-fn plan_of_cloud(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
-    let of_grids = [("--to-crs", args.system.is_given())];
-    let of_grids = of_grids.into_iter().chain(args.method.options_of_grids());
-    tin::refuse_options(&args.input[0], of_grids, &args.grid)?;
-    let resources = Resources::default();
-    let options = args.points.open_options(&args.grid, &resources)?;
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
-    let format = mesh::by_path(&args.folder, Some(&args.format))?;
-    let output = args.folder.join("mesh").with_extension(format.extensions[0]);
-    let job = CloudTinJob {
-        options: args.many.reading(options),
-        format: Some(format.name.to_owned()),
-        keep_points: args.method.keep_points.clone(),
-        breaklines: args.method.breaklines.clone(),
-        ..CloudTinJob::new(names, output, args.max_error, resources)
-    };
-    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.task_size, skipped };
-    let report = plan_cloud_tin(&plan, args.show.progress().as_ref(), cancel)?;
-    args.show.tell(&report, || status::cloud_summary(&report))?;
-    Ok(Outcome::Kept)
-}
-
-fn job(args: &TinArgs) -> Result<PlanJob<TinJob>> {
-    args.grid.check_all(&args.input)?;
-    args.method.check_triangulation()?;
-    let format = mesh::by_path(&args.folder, Some(&args.format))?;
-    let tin = TinJob {
-        reading: args.grid.reading(args.method.water.as_ref()),
-        format: Some(format.name.to_owned()),
-        refinement: args.method.refinement(),
-        tile: args.method.tile(),
-        transform: args.system.transform()?,
-        ..TinJob::new(args.input.clone(), args.folder.join("mesh"), Goal::MaxError(args.max_error))
-    };
-    let folder = args.folder.clone();
-    Ok(PlanJob { job: tin, folder, cut: args.task_size, skipped: Vec::new() })
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::cli::plan::status;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, say, text};
+use crate::cli::shared::{Outcome, args, check, say, text};
 use crate::cli::{grid, points, tiles, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
@@ -43,8 +43,9 @@ pub(crate) struct FinishArgs {
 struct How {
     #[command(flatten)]
     options: Tabled<RunOptions>,
-    #[command(flatten)]
-    split: tin::Split,
+    /// Write a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = "Output")]
+    split: Option<u32>,
     #[command(flatten)]
     show: args::Show,
 }
@@ -86,17 +87,17 @@ pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
 fn work(folder: &Path, options: &RunOptions, how: &How, cancel: &Cancel) -> Result<Outcome> {
     let job = options.job(folder.to_path_buf())?;
     let is_part = job.task.as_deref().is_some_and(|task| task != "finish");
-    if is_part && how.split.tiles.is_some() {
+    if is_part && how.split.is_some() {
         return Err(Error::usage("only the last task writes a result")
             .remedy("leave --split out, or run the task finish"));
     }
     let kind = kind(folder)?;
-    how.split.check(kind, job.output.as_deref())?;
+    how.check_split(kind, job.output.as_deref())?;
     let progress = how.show.progress();
     let progress = progress.as_ref();
     match kind {
         Kind::Tin => {
-            let form = Form { split: how.split.tiles, solid_base: None };
+            let form = Form { split: how.split, solid_base: None };
             let report = run_plan(&job.formed(form), progress, cancel)?;
             how.tell(&report, summary)?;
             if let Some(unmet) = report.of.mesh.as_ref().and_then(TinReport::unmet) {
@@ -116,14 +117,13 @@ impl How {
     fn tell<R: Serialize>(&self, report: &R, summary: fn(&R) -> String) -> Result<()> {
         self.show.tell(report, || summary(report)).map(drop)
     }
-}
 
-impl tin::Split {
     /// Fails where this is no plan of what can be split, and where `output` cannot become what is asked for.
-    fn check(&self, kind: Kind, output: Option<&Path>) -> Result<()> {
-        match (kind, self.tiles) {
+    fn check_split(&self, kind: Kind, output: Option<&Path>) -> Result<()> {
+        match (kind, self.split) {
             // Whether it exists is asked later: it may be the mesh of this very plan.
-            (Kind::Tin, _) => output.map_or(Ok(()), |output| self.check_output(output, true)),
+            (Kind::Tin, Some(_)) => output.map_or(Ok(()), check::folder),
+            (Kind::Tin, None) => output.map_or(Ok(()), |output| check::new_file(output, true)),
             (_, None) => Ok(()),
             (_, Some(_)) => Err(Error::usage(format!(
                 "--split is for meshes of grids, and this is the plan of {}",

@@ -1,6 +1,6 @@
 //! Arguments that several verbs share.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -12,7 +12,6 @@ use crate::files::path_of;
 use crate::jobs::input::is_mesh;
 use crate::jobs::memory::cache_beside;
 use crate::jobs::options::GridInput;
-use crate::jobs::plan::DiskCheck;
 use crate::jobs::{Progress, Resources};
 use crate::raster::OpenOptions;
 
@@ -38,8 +37,8 @@ pub(crate) struct Grid {
 impl Grid {
     /// What is asked to be read, with the water of a file.
     pub(crate) fn reading(&self, water: Option<&String>) -> GridInput {
-        let (band, clip) = (self.band.unwrap_or(1), self.clip.clone());
-        GridInput { band, nodata: self.nodata, bounds: self.bounds, clip, water: water.cloned() }
+        let Self { band, nodata, bounds, ref clip } = *self;
+        GridInput { band, nodata, bounds, clip: clip.clone(), water: water.cloned() }
     }
 
     /// The same of all of the grid.
@@ -56,8 +55,8 @@ impl Grid {
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
-        let GridInput { band, nodata, .. } = self.reading(None);
         let usual = OpenOptions::default();
+        let (band, nodata) = (self.band.unwrap_or(usual.band), self.nodata);
         OpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual }
     }
 
@@ -193,31 +192,6 @@ impl SpillingMachine {
     /// which is never unpacked.
     pub(crate) fn check_temp_dir(&self, input: &str) -> Result<()> {
         if self.temp_dir.is_some() { only_grids("--temp-dir", input) } else { Ok(()) }
-    }
-}
-
-/// Whether there has to be room on the disk.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Resources")]
-pub(crate) struct Disk {
-    /// Begin even where the disk seems to have too little room for the results of tasks and the output
-    #[arg(long)]
-    pub(crate) no_disk_check: bool,
-}
-
-impl Disk {
-    /// What is asked for.
-    pub(crate) fn check(&self) -> DiskCheck {
-        if self.no_disk_check { DiskCheck::Off } else { DiskCheck::On }
-    }
-
-    /// Fails where it is asked for and there is no folder of tasks whose results might need it.
-    pub(crate) fn check_workdir(&self, workdir: Option<&Path>) -> Result<()> {
-        match self.no_disk_check && workdir.is_none() {
-            false => Ok(()),
-            true => Err(Error::usage("--no-disk-check is for runs by plan")
-                .remedy("leave it out, or pass --workdir")),
-        }
     }
 }
 

@@ -3,6 +3,7 @@
 pub(crate) mod args;
 pub(crate) mod bands;
 pub(crate) mod check;
+pub(crate) mod either;
 pub(crate) mod ground;
 pub(crate) mod lists;
 pub(crate) mod many;

@@ -37,24 +37,6 @@ pub(crate) fn positive(text: &str) -> Parsed<f64> {
     finite(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a number above zero".to_owned())
 }
 
-/// Metres of a length such as 100mm, 12cm, 0.1m or 4in; a plain number is millimetres.
-pub(crate) fn print_length(text: &str) -> Parsed<f64> {
-    let units = [("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254), ("m", 1.0)];
-    let unit = units.into_iter().find_map(|(name, m)| Some((text.trim().strip_suffix(name)?, m)));
-    let (number, metres) = unit.unwrap_or((text, 1e-3));
-    let wrong = |_| "expected a length above zero, such as 100mm, 12cm, 0.1m or 4in".to_owned();
-    positive(number).map_err(wrong).map(|value| value * metres)
-}
-
-/// A scale such as 1:50000 or 0.001.
-pub(crate) fn scale(text: &str) -> Parsed<f64> {
-    let parts = text.split_once(':').unwrap_or((text, "1"));
-    match (positive(parts.0), positive(parts.1)) {
-        (Ok(print), Ok(ground)) if (print / ground).is_normal() => Ok(print / ground),
-        _ => Err("expected a scale such as 1:50000 or 0.001".to_owned()),
-    }
-}
-
 /// A length such as 0.01, 100m, 2km or 50ft.
 pub(crate) fn length(text: &str) -> Parsed<Length> {
     LengthText::parse(text)
@@ -100,20 +82,6 @@ mod tests {
         assert_eq!(of("2 km"), Ok((2.0, Some(1000.0))));
         assert_eq!(of("50ft"), Ok((50.0, Some(0.3048))));
         assert!(["", "m", "-1", "NaN", "1 mile", "inf"].iter().all(|text| of(text).is_err()));
-    }
-
-    #[test]
-    fn prints_have_lengths_and_scales() {
-        for (text, metres) in
-            [("100mm", 0.1), ("100", 0.1), ("12 cm", 0.12), ("4in", 0.1016), ("2m", 2.0)]
-        {
-            assert!(print_length(text).is_ok_and(|value| (value - metres).abs() < 1e-12), "{text}");
-        }
-        assert_eq!(scale("1:50000"), Ok(2e-5));
-        assert_eq!((scale("0.001"), scale("2:1")), (Ok(0.001), Ok(2.0)));
-        for text in ["", "mm", "-1mm", "0", "1:0", "1:2:3", "nan", "x", "5ft"] {
-            assert!(print_length(text).is_err() && scale(text).is_err(), "{text}");
-        }
     }
 
     #[test]

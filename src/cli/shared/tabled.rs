@@ -30,8 +30,9 @@ fn fields<O: Options, const PLANNED: bool>() -> impl Iterator<Item = &'static Fi
 impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
     fn augment_args(command: Command) -> Command {
         let defaults = to_map(&O::default());
-        fields::<O, PLANNED>()
-            .fold(command, |command, field| command.arg(argument(field, &defaults[field.name])))
+        fields::<O, PLANNED>().fold(command, |command, field| {
+            command.arg(argument(field, &defaults[field.name], None))
+        })
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -46,10 +47,7 @@ impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED
             let texts = given(field, matches);
             if !texts.is_empty() {
                 given_names.push(field.name);
-                set_texts(&mut options, field, &texts).map_err(|error| {
-                    let text = Door::CommandLine.spell(&error.to_string()).into_owned();
-                    clap::Error::raw(ErrorKind::ValueValidation, text)
-                })?;
+                set(&mut options, field, &texts)?;
             }
         }
         Ok(Self(options, given_names))
@@ -61,8 +59,20 @@ impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED
     }
 }
 
+/// Gives an option the value of some texts.
+pub(crate) fn set<O: Options>(
+    options: &mut O,
+    field: &'static Field,
+    texts: &[String],
+) -> Result<(), clap::Error> {
+    set_texts(options, field, texts).map_err(|error| {
+        let text = Door::CommandLine.spell(&error.to_string()).into_owned();
+        clap::Error::raw(ErrorKind::ValueValidation, text)
+    })
+}
+
 /// The texts that were given for an option.
-fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> {
+pub(crate) fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> {
     match field.kind {
         Kind::Flag if matches.get_flag(field.name) => vec![field.off.is_none().to_string()],
         Kind::Flag => Vec::new(),
@@ -70,10 +80,15 @@ fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> {
     }
 }
 
-fn argument(field: &'static Field, default: &serde_json::Value) -> Arg {
+/// An option as an argument; `of_cloud` is what it is of clouds, where that is another thing.
+pub(crate) fn argument(
+    field: &'static Field,
+    default: &serde_json::Value,
+    of_cloud: Option<&str>,
+) -> Arg {
     let long = field.name.replace('_', "-");
     let long = if field.off.is_some() { format!("no-{long}") } else { long };
-    let mut argument = Arg::new(field.name).long(long).help(help(field, default));
+    let mut argument = Arg::new(field.name).long(long).help(help(field, default, of_cloud));
     // Not that of arguments before.
     argument = match field.heading {
         "Options" => argument.help_heading(Resettable::Reset),
@@ -157,8 +172,10 @@ fn checked(field: &'static Field) -> ValueParser {
 }
 
 /// What an option means, and its default.
-fn help(field: &Field, default: &serde_json::Value) -> String {
-    let about = Door::CommandLine.spell(field.off.unwrap_or(field.about)).into_owned();
+fn help(field: &Field, default: &serde_json::Value, of_cloud: Option<&str>) -> String {
+    let about = field.off.unwrap_or(field.about);
+    let about = of_cloud.map_or(about.to_owned(), |other| format!("{about}. Of clouds: {other}"));
+    let about = Door::CommandLine.spell(&about).into_owned();
     let default = match (field.default_text, field.shape, field.kind) {
         (Some(words), ..) => Door::CommandLine.spell(words).into_owned(),
         (None, _, Kind::Flag) | (None, Shape::Optional | Shape::Repeated, _) => return about,

@@ -1,147 +1,10 @@
-//! `terrane tin` on grids.
+//! Reports of meshes of grids, for people.
 
-use std::path::{Path, PathBuf};
-
-use crate::cli::shared::{Outcome, check, many, pipes, report, system, text};
-use crate::cli::tin::args::{Args, Creation};
-use crate::cli::tin::textbook;
-use crate::cli::tin::told::{Told, errors, stages};
-use crate::cli::verify;
-use crate::error::{Error, Result};
-use crate::jobs::Cancel;
-use crate::jobs::bands::Bands;
-use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tin::{self, TinJob, TinReport};
-use crate::jobs::verify::VerifyJob;
-use crate::mesh;
-use crate::raster::{self, OpenOptions, undeclared_nodata};
-
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    args.points.refuse(&args.input[0])?;
-    args.disk.check_workdir(args.workdir.as_deref())?;
-    args.textbook.check(args)?;
-    let bands = args.bands.bands(&args.grid)?;
-    let resources = args.machine.resources();
-    let options = OpenOptions { colours: bands.is_some(), ..args.grid.open_options(&resources) };
-    let grids = many::Kind::Grids(&options);
-    let mut args = args.clone();
-    let mut stdin = pipes::Stdin::expect(&mut args.input, pipes::Holds::Grid, &resources)?;
-    if args.workdir.is_some() {
-        stdin.refuse("--workdir")?;
-    }
-    args.input = args.many.find(&args.input, grids)?;
-    let job = job(&args)?;
-    stdin.gather(&mut args.input, cancel)?;
-    let Sifted { names, skipped } = args.many.sift(args.input.clone(), grids, &resources)?;
-    let job = TinJob { input: stdin.inputs(names), ..job };
-    make(&args, (&job, bands.as_ref()), &skipped, cancel)
-}
-
-fn make(
-    args: &Args,
-    (job, bands): (&TinJob, Option<&Bands>),
-    skipped: &[Skipped],
-    cancel: &Cancel,
-) -> Result<Outcome> {
-    let progress = args.show.progress();
-    let made = match &args.workdir {
-        None => match (bands, args.textbook.by(args)) {
-            (Some(bands), _) => tin::run_bands(job, bands, progress.as_ref(), cancel)?,
-            (None, None) => tin::run(job, progress.as_ref(), cancel)?,
-            (None, Some(by)) => tin::run_by(job, &by, progress.as_ref(), cancel)?,
-        },
-        Some(folder) => {
-            tin::run_in(folder, job, skipped, args.disk.check(), progress.as_ref(), cancel)?
-        }
-    };
-    let checked = match args.verify {
-        true => {
-            let proof = VerifyJob { bands: args.bands.asked(&args.grid)?, ..proof(job, &made) };
-            Some(crate::jobs::verify::run(&proof, progress.as_ref(), cancel)?)
-        }
-        false => None,
-    };
-    let unmet = made.unmet();
-    let told = Told { made: &made, checked: checked.as_ref(), skipped, unmet };
-    told.tell(args, || summary(&made), verify::summary)
-}
-
-/// Checks what can be checked without work, and makes the job.
-fn job(args: &Args) -> Result<TinJob> {
-    args.grid.check_all(&args.input)?;
-    let usual = args.split.tiles.map(|_| "PLY");
-    let format = mesh::by_path(&args.output, args.format.as_deref().or(usual))?;
-    let is_plain = format.carries == mesh::Carries::Nothing;
-    if args.bands.is_given() && is_plain {
-        return Err(Error::usage(format!("{} has no room for --bands", format.name))
-            .remedy("write PLY, or GLB for three or four bands of 8 bits"));
-    }
-    let mut files = args.grid.read_with(raster::files(&args.input)?);
-    files.extend(args.method.files());
-    files.extend(args.system.files()?);
-    check::not_among(&files, &[&args.output])?;
-    // An output that exists may be the mesh of an earlier run there.
-    let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
-    args.split.check_output(&args.output, args.overwrite || goes_on)?;
-    let results: Vec<&Path> =
-        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
-    check::report(args.report.as_deref(), &files, &results, args.overwrite)?;
-    let solid_base = args.co.iter().map(|Creation::SolidBase(height)| *height).next_back();
-    if solid_base.is_some() && !format.can_be_solid {
-        return Err(Error::usage(format!("{} has no option SOLID_BASE", format.name))
-            .remedy("write STL or 3MF, or leave --co out"));
-    }
-    let placing = args.print.placing()?;
-    if let Some(option) = placing.given().filter(|_| args.workdir.is_some()) {
-        return Err(Error::usage(format!("{option} cannot be kept in a --workdir"))
-            .remedy(format!("leave one of --workdir and {option} out")));
-    }
-    if solid_base.is_some() && placing.base.is_some() {
-        return Err(Error::usage("--base and SOLID_BASE are two bottoms of one solid")
-            .remedy("leave one of them out"));
-    }
-    if (solid_base.is_some() || placing.base.is_some()) && args.verify {
-        return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
-            .remedy("leave out --verify, or verify the mesh without --base and --co SOLID_BASE"));
-    }
-    let transform = args.system.transform()?;
-    if transform.is_some() && args.verify {
-        return Err(Error::usage("a mesh is proved in the system of its grid")
-            .remedy("leave --verify out, or --to-crs"));
-    }
-    Ok(TinJob {
-        input: args.input.clone().into(),
-        reading: args.grid.reading(args.method.water.as_ref()),
-        output: args.output.clone(),
-        format: Some(format.name.to_owned()),
-        overwrite: args.overwrite,
-        split: args.split.tiles,
-        solid_base,
-        placing,
-        transform,
-        goal: args.goal.goal()?,
-        refinement: args.method.refinement(),
-        tile: args.method.tile(),
-        measure: args.show.json || args.report.is_some(),
-        resources: args.machine.resources(),
-    })
-}
-
-/// The job of proving what a tin job wrote.
-pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
-    VerifyJob {
-        mesh: job.output.clone(),
-        raster: job.input.clone(),
-        reading: job.reading.clone(),
-        tolerance: Some(made.tolerance),
-        bound: None,
-        min_angle: None,
-        keep_points: job.refinement.keep_points.clone(),
-        breaklines: job.refinement.breaklines.clone(),
-        bands: None,
-        resources: job.resources.clone(),
-    }
-}
+use crate::cli::shared::{report, system, text};
+use crate::cli::tin::told::{errors, stages};
+use crate::jobs::options::GREEDY;
+use crate::jobs::tin::TinReport;
+use crate::raster::undeclared_nodata;
 
 /// A made mesh for people.
 pub(crate) fn summary(r: &TinReport) -> String {
@@ -165,7 +28,7 @@ pub(crate) fn summary(r: &TinReport) -> String {
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
     ];
     rows.extend(r.bands.iter().map(|band| ("band", text::band(band))));
-    rows.extend(textbook::told(r).map(|method| ("method", method)));
+    rows.extend(method(r).map(|method| ("method", method)));
     rows.extend(r.min_angle.zip(r.thin_triangles).map(|(least, thin)| {
         let held = if thin.count == 0 { "held by all" } else { "missed by some" };
         ("min angle", format!("{least} degrees, {held}"))
@@ -182,6 +45,13 @@ pub(crate) fn summary(r: &TinReport) -> String {
     rows.extend(report::took(&r.run, Some(rate), &format!("in threads: {}", stages(&r.stages))));
     rows.extend(report::notes(&r.notes));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}
+
+/// The method, where there is something to say of it.
+fn method(report: &TinReport) -> Option<String> {
+    let (method, triangulation) = (report.method.as_deref(), report.triangulation.as_deref());
+    let method = method.or(triangulation.map(|_| GREEDY))?;
+    Some([Some(method), triangulation].into_iter().flatten().collect::<Vec<_>>().join(", "))
 }
 
 fn samples(r: &TinReport) -> String {

@@ -1,23 +1,57 @@
 //! `terrane tin`: a grid or a point cloud becomes a mesh with a proven error bound.
 
-mod args;
 mod cloud;
 mod grid;
-mod textbook;
 mod told;
 
-pub(crate) use args::{Args, Method, Split};
-pub(crate) use cloud::{refuse_options, summary as cloud_summary};
-pub(crate) use grid::{proof, summary};
+pub(crate) use cloud::summary as cloud_summary;
+pub(crate) use grid::summary;
 pub(crate) use told::{Told, stages};
 
 use std::path::PathBuf;
 
+use crate::cli::operation::{Frame, Made, Summary, is_replacing, make};
+use crate::cli::shared::either::Either;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, lists};
-use crate::error::Result;
-use crate::jobs::Cancel;
+use crate::cli::shared::{Outcome, args, lists, many, names};
+use crate::cli::verify;
+use crate::error::{Error, Result};
+use crate::jobs::cloud_tin::CloudTinOptions;
+use crate::jobs::operation::Has;
+use crate::jobs::options::Replacing;
+use crate::jobs::tin::TinOptions;
+use crate::jobs::verify::{
+    AskedBands, CloudVerifyJob, MeshReport, Original, VerifyJob, verify_cloud,
+};
+use crate::jobs::{self, Progress};
+
+/// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
+    /// a folder, a list or a pattern in quotes are one mosaic. Or point clouds: .las and .laz files,
+    /// one or many. The last name is that of the mesh file to write
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
+    input: Vec<String>,
+    #[arg(skip)]
+    output: PathBuf,
+    /// File to write, where it is not the last name
+    #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
+    named: Option<PathBuf>,
+    /// Write the report to this JSON file
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    report: Option<PathBuf>,
+    /// Check the written mesh against the grid afterwards
+    #[arg(long, help_heading = "Output")]
+    verify: bool,
+    #[command(flatten)]
+    options: Either<TinOptions, CloudTinOptions>,
+    #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
+    show: args::Show,
+}
 
 impl Verb for Args {
     const NAME: &'static str = "tin";
@@ -31,7 +65,10 @@ impl Verb for Args {
     }
 
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
-        Some((&mut self.input, &mut self.output))
+        let Self { input, output, named, .. } = self;
+        let Some(named) = named.take() else { return Some((input, output)) };
+        *output = named;
+        None
     }
 
     fn many(&self) -> Option<&Many> {
@@ -39,13 +76,93 @@ impl Verb for Args {
     }
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        run(self, call.cancel)
+        match self.many.are_clouds(&self.input)? {
+            true => self.of_cloud(call),
+            false => self.of_grid(call),
+        }
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    match args.many.are_clouds(&args.input)? {
-        true => cloud::run(args, cancel),
-        false => grid::run(args, cancel),
+impl Args {
+    fn frame(&self) -> Frame<'_> {
+        let Self { input, output, options, report, many, show, .. } = self;
+        let (given, report) = (options.given(), report.as_deref());
+        Frame { input, output, given, report, many, show }
     }
+
+    fn of_grid(&self, call: &Call<'_>) -> Result<Outcome> {
+        let mut options = self.options.of_grid(&self.input[0])?;
+        if self.verify {
+            refuse_proof(&options)?;
+        }
+        let made = make(&mut options, &self.frame(), call)?;
+        let prove = |progress: &dyn Progress| {
+            let bands = options.shared()?.map(|bands| AskedBands {
+                bands: options.bands.clone(),
+                weights: options.weights.clone(),
+                heights: bands.heights(),
+            });
+            let constraints = &options.refinement.constraints;
+            let proof = VerifyJob {
+                mesh: self.output.clone(),
+                raster: made.inputs.clone(),
+                reading: options.grid.clone(),
+                tolerance: Some(made.report.tolerance),
+                bound: None,
+                min_angle: None,
+                keep_points: constraints.keep_points.clone(),
+                breaklines: constraints.breaklines.clone(),
+                bands,
+                resources: options.resources.clone(),
+            };
+            jobs::verify::run(&proof, progress, call.cancel)
+        };
+        self.tell((&options, &made), prove, verify::summary)
+    }
+
+    fn of_cloud(&self, call: &Call<'_>) -> Result<Outcome> {
+        let mut options = self.options.of_cloud(&self.input[0])?;
+        let made = make(&mut options, &self.frame(), call)?;
+        let prove = |progress: &dyn Progress| {
+            let proof = CloudVerifyJob {
+                mesh: self.output.clone(),
+                inputs: made.inputs.names().to_vec(),
+                options: options.cloud.options(&options.resources)?,
+                tolerance: Some(made.report.tolerance),
+                keep_points: options.constraints.keep_points.clone(),
+                breaklines: options.constraints.breaklines.clone(),
+                resources: options.resources.clone(),
+            };
+            verify_cloud(&proof, progress, call.cancel)
+        };
+        self.tell((&options, &made), prove, verify::cloud::summary)
+    }
+
+    /// Proves what was made, where that is asked for, and tells of both.
+    fn tell<R: Summary, O: Original>(
+        &self,
+        (options, made): (&impl Has<Replacing>, &Made<R>),
+        prove: impl FnOnce(&dyn Progress) -> Result<MeshReport<O>>,
+        summary: impl FnOnce(&MeshReport<O>) -> String,
+    ) -> Result<Outcome> {
+        let progress = self.show.progress();
+        let checked = self.verify.then(|| prove(progress.as_ref())).transpose()?;
+        let Made { report, skipped, .. } = made;
+        let told = Told { made: report, checked: checked.as_ref(), skipped, unmet: report.unmet() };
+        let file = self.report.as_deref().map(|path| (path, is_replacing(options)));
+        told.tell((&self.show, file), || report.summary(), summary)
+    }
+}
+
+/// Fails where the mesh is none that can be proved against the grid.
+fn refuse_proof(options: &TinOptions) -> Result<()> {
+    if options.base.is_some() || !options.co.is_empty() {
+        return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
+            .remedy("leave out --verify, or verify the mesh without ‹base› and ‹co› SOLID_BASE"));
+    }
+    if options.reprojection.to_crs.is_some() {
+        return Err(Error::usage("a mesh is proved in the system of its grid")
+            .remedy("leave --verify out, or ‹to_crs›"));
+    }
+    Ok(())
 }

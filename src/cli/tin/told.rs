@@ -1,9 +1,10 @@
 //! What is told of a made mesh, whatever it was made of.
 
+use std::path::Path;
+
 use serde::Serialize;
 
-use crate::cli::shared::{Outcome, report, say, text};
-use crate::cli::tin::args::Args;
+use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::verify;
 use crate::error::Result;
 use crate::jobs::sift::Skipped;
@@ -26,18 +27,17 @@ pub(crate) struct Told<'a, T, O: Original> {
 }
 
 impl<T: Serialize, O: Original> Told<'_, T, O> {
-    /// Tells of both steps as it was asked for.
+    /// Tells of both steps, in a file as well that may be there.
     pub(super) fn tell(
         &self,
-        args: &Args,
+        (show, file): (&args::Show, Option<(&Path, bool)>),
         made: impl FnOnce() -> String,
         checked: impl FnOnce(&MeshReport<O>) -> String,
     ) -> Result<Outcome> {
-        if let Some(path) = &args.report {
-            report::write(path, args.overwrite, self)?;
+        if let Some((path, is_replaced)) = file {
+            report::write(path, is_replaced, self)?;
         }
-        let is_told =
-            args.show.tell(self, || made() + &self.checked.map_or(String::new(), checked))?;
+        let is_told = show.tell(self, || made() + &self.checked.map_or(String::new(), checked))?;
         if let Some(unmet) = &self.unmet {
             say::failure(unmet);
         }

@@ -20,6 +20,7 @@
 mod choose;
 mod keep;
 mod lines;
+mod options;
 pub mod plan;
 mod ready;
 mod region_mesh;
@@ -36,6 +37,7 @@ use serde::{Deserialize, Serialize};
 use self::choose::{Chosen, Errors, choose};
 use self::keep::{Nearest, nearest};
 use self::lines::Lines;
+pub use self::options::CloudTinOptions;
 use self::ready::Ready;
 use self::regions::Regions;
 use self::write::{Written, write};

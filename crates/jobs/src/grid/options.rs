@@ -199,7 +199,7 @@ impl Divisible for GridOptions {
 
     /// In a GeoTIFF unless told otherwise.
     fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<GridStatus> {
-        let Request { inputs, output: folder, skipped, progress, cancel } = request;
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
         let format = by_name(self.file.format.as_deref().unwrap_or("GTiff"))?;
         let output = folder.join("grid").with_extension(format.extensions[0]);
         // What a plan wrote before is told of by the run.

@@ -10,11 +10,14 @@ use crate::line::Length;
 use crate::memory;
 use crate::translate::{Assign, Classify, Overlap, Thin};
 use terrane_base::attribute::Return;
+use terrane_base::bound::Bound;
+use terrane_base::error::Error;
 use terrane_base::geom::{metres_in, wkt};
 use terrane_base::registry;
 use terrane_cloud::{Condition, Flags, LasVersion, PointFormat};
 use terrane_files::{name_of, path_of};
 use terrane_gridding::parse_list;
+use terrane_methods::{METHODS, Triangulation};
 use terrane_raster::SampleType;
 use terrane_resample::{RESAMPLINGS, Resampling};
 
@@ -351,6 +354,130 @@ impl Codec<Length> for LengthText {
     }
 }
 
+/// A length of a print in millimetres, or with a unit: `100mm`, `12cm`, `0.1m`, `4in`.
+pub struct PrintLength;
+
+impl Codec<f64> for PrintLength {
+    const KIND: Kind = Kind::Shaped("float | str");
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let units = [("mm", 1.0), ("cm", 10.0), ("in", 25.4), ("m", 1000.0)];
+        let unit =
+            units.into_iter().find_map(|(name, of)| Some((text.trim().strip_suffix(name)?, of)));
+        let (number, millimetres) = unit.unwrap_or((text, 1.0));
+        let length = Finite::parse(number).ok().map(|value: f64| value * millimetres);
+        let length = length.filter(|length| *length > 0.0 && length.is_finite());
+        length.ok_or_else(|| {
+            "expected a length above zero, such as 100mm, 12cm, 0.1m or 4in".to_owned()
+        })
+    }
+
+    fn json(value: &f64) -> Json {
+        (*value).into()
+    }
+
+    fn number(value: &f64) -> Option<f64> {
+        Some(*value)
+    }
+}
+
+/// A scale: `1:50000` or `0.001`.
+pub struct PrintScale;
+
+impl Codec<f64> for PrintScale {
+    const KIND: Kind = Kind::Shaped("float | str");
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let (print, ground) = text.split_once(':').unwrap_or((text, "1"));
+        let side = |text: &str| Finite::parse(text).ok().filter(|side: &f64| *side > 0.0);
+        match (side(print), side(ground)) {
+            (Some(print), Some(ground)) if (print / ground).is_normal() => Ok(print / ground),
+            _ => Err("expected a scale such as 1:50000 or 0.001".to_owned()),
+        }
+    }
+
+    fn json(value: &f64) -> Json {
+        (*value).into()
+    }
+
+    fn number(value: &f64) -> Option<f64> {
+        Some(*value)
+    }
+}
+
+/// The name of what a tolerance is promised of.
+pub struct BoundName;
+
+impl Codec<Bound> for BoundName {
+    const KIND: Kind = Kind::Choice(|| {
+        let about = |bound| match bound {
+            Bound::Samples => "all valid samples",
+            Bound::Surface => "the lines between neighbouring samples, too",
+        };
+        Bound::ALL.map(|bound| Named { name: bound.name(), about: about(bound) }).to_vec()
+    });
+
+    fn parse(text: &str) -> Result<Bound, String> {
+        text.trim().parse().map_err(|error: Error| error.to_string())
+    }
+
+    fn json(value: &Bound) -> Json {
+        value.name().into()
+    }
+}
+
+/// The name of a triangulation.
+pub struct TriangulationName;
+
+impl Codec<Triangulation> for TriangulationName {
+    const KIND: Kind = Kind::Choice(|| {
+        let about = |triangulation| match triangulation {
+            Triangulation::Delaunay => "Delaunay on the lattice of samples",
+            Triangulation::Split3 => "no edge is ever flipped; not of the method greedy",
+            Triangulation::DataDependent => {
+                "any that keep the error, where that takes fewer vertices (a fifth to a third fewer; some two times \
+                 slower); of other methods edges flipped for the smaller sum of largest errors"
+            }
+        };
+        Triangulation::ALL.map(|own| Named { name: own.name(), about: about(own) }).to_vec()
+    });
+
+    fn parse(text: &str) -> Result<Triangulation, String> {
+        text.trim().parse().map_err(|error: Error| error.to_string())
+    }
+
+    fn json(value: &Triangulation) -> Json {
+        value.name().into()
+    }
+}
+
+/// The name of a method that makes meshes of grids.
+pub struct MeshMethodName;
+
+/// What the engine's own way to make meshes of grids is called.
+pub const GREEDY: &str = "greedy";
+
+impl Codec<String> for MeshMethodName {
+    const KIND: Kind = Kind::Choice(|| {
+        let own = Named { name: GREEDY, about: "in tiles with shared borders, out of core" };
+        let others = METHODS.iter().map(|own| Named { name: own.name, about: own.about });
+        std::iter::once(own).chain(others).collect()
+    });
+
+    fn parse(text: &str) -> Result<String, String> {
+        let text = text.trim();
+        if text.eq_ignore_ascii_case(GREEDY) {
+            return Ok(GREEDY.to_owned());
+        }
+        let found = registry::named(METHODS, text);
+        found.map(|own| own.name.to_owned()).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}
+
 /// The name of a type of samples.
 pub struct SampleTypeName;
 
@@ -420,6 +547,20 @@ mod tests {
         }
         for text in ["auto", "2.5"] {
             assert_eq!(read::<Overlap, AsNumber>(text), Some(json!(text)));
+        }
+        let length = <PrintLength as Codec<f64>>::parse;
+        for (text, millimetres) in
+            [("100mm", 100.0), ("100", 100.0), ("12 cm", 120.0), ("4in", 101.6), ("2m", 2000.0)]
+        {
+            assert!(length(text).is_ok_and(|own| (own - millimetres).abs() < 1e-9), "{text}");
+        }
+        let scale = <PrintScale as Codec<f64>>::parse;
+        assert_eq!(
+            (scale("1:50000"), scale("0.001"), scale("2:1")),
+            (Ok(2e-5), Ok(0.001), Ok(2.0))
+        );
+        for text in ["", "mm", "-1mm", "0", "1:0", "1:2:3", "nan", "x", "5ft"] {
+            assert!(length(text).is_err() && scale(text).is_err(), "{text}");
         }
         for number in 0..=11 {
             let known = (number <= 10).then(|| json!(number));

@@ -150,7 +150,7 @@ impl Operation for TilesOptions {
     }
 
     fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let Request { inputs, output, skipped, progress, cancel } = request;
+        let Request { inputs, output, skipped, progress, cancel, .. } = request;
         let job = self.job(inputs, output);
         match &self.resuming.workdir {
             None => run(&job, progress, cancel),
@@ -195,7 +195,7 @@ impl Operation for CloudTilesOptions {
     }
 
     fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let Request { inputs, output, skipped, progress, cancel } = request;
+        let Request { inputs, output, skipped, progress, cancel, .. } = request;
         let job = TilesJob {
             reading: GridInput { water: self.water.clone(), ..GridInput::default() },
             overwrite: self.replacing.overwrite,

@@ -64,6 +64,9 @@ pub struct TinJob {
     /// STL and 3MF: close the surface down to this height.
     #[serde(skip)]
     pub solid_base: Option<f64>,
+    /// The same so far below the lowest height, in millimetres of the print.
+    #[serde(skip)]
+    pub base: Option<f64>,
     /// How the mesh lies in a file of its own coordinates.
     #[serde(skip)]
     pub placing: Placing,
@@ -74,7 +77,7 @@ pub struct TinJob {
     #[serde(flatten)]
     pub goal: Goal,
     /// How.
-    #[serde(flatten)]
+    #[serde(with = "terrane_options::as_map")]
     pub refinement: Refinement,
     /// Cells along a tile's side.
     pub tile: u32,
@@ -97,6 +100,7 @@ impl TinJob {
             overwrite: false,
             split: None,
             solid_base: None,
+            base: None,
             placing: Placing::default(),
             transform: None,
             goal,

@@ -88,7 +88,7 @@ impl Opened {
         let features = job.refinement.features(options.water.as_ref(), &job.resources)?;
         let mut opened = Self::with(job, || open(job, &options, &features))?;
         opened.water = options.water;
-        opened.spec.data_dependent = job.refinement.data_dependent;
+        opened.spec.data_dependent = job.refinement.is_data_dependent();
         opened.kept = features.on(opened.source.info())?;
         Ok(opened)
     }
@@ -252,7 +252,7 @@ impl Maker<'_> {
         header.unit.clone_from(&self.opened.placed.unit);
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
         let solid_base = self.solid_base(&mut header)?;
-        let bottom = solid_base.filter(|_| job.placing.base.is_some()).map(bottom_note);
+        let bottom = solid_base.filter(|_| job.base.is_some()).map(bottom_note);
         let options = SinkOptions {
             overwrite: job.overwrite,
             solid_base,
@@ -282,7 +282,7 @@ impl Maker<'_> {
     /// the header. Fails before the work when the bottom is not below it.
     fn solid_base(&self, header: &mut MeshHeader) -> Result<Option<f64>> {
         let Self { job, opened, progress, cancel } = self;
-        if job.solid_base.is_none() && job.placing.base.is_none() {
+        if job.solid_base.is_none() && job.base.is_none() {
             return Ok(None);
         }
         let stats = grid_stats(&*opened.source, &job.resources, *progress, cancel)?;
@@ -290,7 +290,9 @@ impl Maker<'_> {
             return Ok(job.solid_base);
         };
         (header.bounds[0][2], header.bounds[1][2]) = (lowest, highest);
-        let base = job.solid_base.or_else(|| job.placing.bottom(lowest, &opened.placed));
+        let below = |thickness: f64| lowest - thickness / opened.placed.scale[2];
+        // The print is stored in millimetres.
+        let base = job.solid_base.or_else(|| job.base.map(below));
         match base.filter(|base| lowest <= *base) {
             Some(base) => Err(Error::usage(format!(
                 "the lowest height is {lowest}, and the solid's base is to be at {base}"
@@ -319,12 +321,6 @@ impl Maker<'_> {
     /// Finds out before the work that the output can be created.
     pub(super) fn check_output(&self) -> Result<()> {
         let Self { job, .. } = self;
-        if job.split.is_some() && job.transform.is_some() {
-            return Err(Error::usage(
-                "a mesh in many files keeps to the rows and columns of its grid",
-            )
-            .remedy("leave ‹split› out, or ‹to_crs›"));
-        }
         if job.split.is_some() {
             return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
                 .map(drop);

@@ -2,78 +2,99 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
+use terrane_options::{Options, Range, Rule, check};
 
 use super::angles::angle_bound;
 use super::job::Goal;
+use super::options::TinOptions;
 use super::worker::{line_bytes, worker_bytes};
 use crate::Resources;
+use crate::beside;
+use crate::cloud_tin::CloudTinOptions;
 use crate::kept::Features;
+use crate::options::{BoundName, FileName, TriangulationName};
 use terrane_base::bound::Bound;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
 use terrane_base::geom::Affine;
+use terrane_methods::Triangulation;
 use terrane_raster::Water;
 use terrane_tin::Spec;
 
-/// What is asked of a mesh beside its goal. A plan notes it as it is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Refinement {
-    /// Of what the tolerance is promised.
-    pub bound: Bound,
-    /// Reference greedy instead of adaptive strides.
-    pub strict: bool,
-    /// Run the drop pass.
-    pub drop: bool,
-    /// Let vertices lie above or below their samples.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub fit: bool,
-    /// Let triangles be others than Delaunay ones.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub data_dependent: bool,
-    /// The smallest angle that triangles may have in plan, in degrees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub min_angle: Option<f64>,
-    /// The name of a file of features; the sample nearest to each point of it stays a vertex.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+/// What stays in a mesh
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Method", setters = group, setters_for(TinOptions, CloudTinOptions))]
+pub struct Constraints {
+    /// Samples or points of a cloud that stay vertices, at their heights: the nearest one to each point of a file of
+    /// features, and to each vertex of its lines and polygons, in the system of the grid or cloud
+    #[option(value = "FILE", with = FileName, role = Reads)]
     pub keep_points: Option<String>,
-    /// The name of a file of lines and polygons that edges follow.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Lines and polygons of a file of features, in the system of the grid or cloud, that edges of the mesh follow,
+    /// from sample to sample; over a cloud along posts of their own, at the heights of the lines, if they have any
+    #[option(value = "FILE", with = FileName, role = Reads)]
     pub breaklines: Option<String>,
 }
 
-impl Default for Refinement {
-    fn default() -> Self {
-        Self {
-            bound: Bound::default(),
-            strict: false,
-            drop: true,
-            fit: false,
-            data_dependent: false,
-            min_angle: None,
-            keep_points: None,
-            breaklines: None,
-        }
+impl Constraints {
+    /// The same wherever the process works.
+    pub(crate) fn absolute(&self) -> Result<Self> {
+        let absolute = |name: &Option<String>| name.as_deref().map(beside::absolute).transpose();
+        let Self { keep_points, breaklines } = self;
+        Ok(Self { keep_points: absolute(keep_points)?, breaklines: absolute(breaklines)? })
     }
 }
+
+/// How a mesh of a grid is refined
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Method", setters = group, setters_for(TinOptions), rules = RULES)]
+pub struct Refinement {
+    /// Of what the error is promised: of the samples, or of the whole surface: of the lines between neighbouring
+    /// samples, too
+    #[option(value = "WHAT", with = BoundName)]
+    pub bound: Bound,
+    /// Insert one global maximum at a time (the reference; slower, more vertices)
+    pub strict: bool,
+    /// Drop vertices that turned out to be redundant
+    #[option(
+        default = true,
+        off = "Keep vertices that turned out to be redundant (faster, more vertices)"
+    )]
+    pub drop: bool,
+    /// Let vertices lie above or below their samples, where that takes fewer of them (a tenth to a third fewer, mostly a
+    /// fifth; some five times slower). The error is kept all the same
+    pub fit: bool,
+    /// Which triangles vertices get
+    #[option(value = "NAME", with = TriangulationName, default_text = "delaunay")]
+    pub triangulation: Option<Triangulation>,
+    /// The smallest angle that triangles may have in plan, in degrees: samples are inserted until that holds
+    #[option(value = "DEGREES", range = Range::POSITIVE)]
+    pub min_angle: Option<f64>,
+    /// What stays.
+    #[option(flatten)]
+    pub constraints: Constraints,
+}
+
+const RULES: &[Rule] = &[
+    Rule::NotWith("fit", &["strict", "drop"]),
+    // Which triangles are not Delaunay is found by dropping vertices.
+    Rule::NotWith("triangulation=data-dependent", &["drop"]),
+    // Lines may meet under any angle.
+    Rule::NotWith("breaklines", &["min_angle"]),
+];
 
 impl Refinement {
     /// What the kernel is told on a grid with this map, errors measured; the tolerance is yet to be found.
     ///
     /// # Errors
-    /// An angle that the cells do not have; redundant vertices that are to be kept, and not.
+    /// An angle that the cells do not have; options that do not go together.
     pub(super) fn spec(&self, map: &Affine) -> Result<Spec> {
-        if self.data_dependent && !self.drop {
-            let message = "which triangles are not Delaunay is found by dropping vertices";
-            return Err(Error::usage(message)
-                .remedy("leave one of ‹triangulation› data-dependent and ‹no_drop› out"));
-        }
+        check(self)?;
         Ok(Spec {
             tolerance: 0.0,
             bound: self.bound,
             strict: self.strict,
             drop: self.drop,
             fit: self.fit,
-            data_dependent: self.data_dependent,
+            data_dependent: self.is_data_dependent(),
             min_angle: angle_bound(self.min_angle, map)?,
             single_precision: None,
             measure: true,
@@ -83,33 +104,25 @@ impl Refinement {
     /// Reads the points and breaklines to keep.
     ///
     /// # Errors
-    /// Files that cannot be read; breaklines where angles are limited, as they may meet under any; level water
-    /// where heights may be others.
+    /// Files that cannot be read.
     pub(super) fn features(
         &self,
         water: Option<&Arc<Water>>,
         resources: &Resources,
     ) -> Result<Features> {
-        if self.breaklines.is_some() && self.min_angle.is_some() {
-            let message = "breaklines may meet under any angle, so there is no smallest one";
-            return Err(Error::usage(message)
-                .remedy("leave one of ‹breaklines› and ‹min_angle› out, or pass ‹keep_points›"));
-        }
-        if water.is_some() && self.min_angle.is_some() {
-            let message = "banks of water may meet under any angle, so there is no smallest one";
-            return Err(Error::usage(message).remedy("leave one of ‹water› and ‹min_angle› out"));
-        }
-        if water.is_some() && self.fit {
-            let message = "vertices above or below their samples would not leave water level";
-            return Err(Error::usage(message).remedy("leave one of ‹water› and ‹fit› out"));
-        }
         let [points, lines] = self.files();
         Features::read(points, lines, water, resources)
     }
 
     /// The names of the files of points and of breaklines.
     pub(super) fn files(&self) -> [Option<&str>; 2] {
-        [&self.keep_points, &self.breaklines].map(Option::as_deref)
+        let Constraints { keep_points, breaklines } = &self.constraints;
+        [keep_points, breaklines].map(Option::as_deref)
+    }
+
+    /// True where triangles may be others than Delaunay ones.
+    pub(super) fn is_data_dependent(&self) -> bool {
+        self.triangulation == Some(Triangulation::DataDependent)
     }
 
     /// Most bytes of a worker on tiles of `tile` cells, without what all hold together, that `follows` lines or

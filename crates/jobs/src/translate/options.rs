@@ -182,7 +182,7 @@ impl Operation for PointsOptions {
     }
 
     fn run(&self, request: Request<'_>) -> Result<TranslateReport> {
-        let Request { inputs, output, skipped, progress, cancel } = request;
+        let Request { inputs, output, skipped, progress, cancel, .. } = request;
         let job = self.job(inputs.names(), output)?;
         let Some(folder) = &self.resuming.workdir else { return run(&job, progress, cancel) };
         let start = Instant::now();
@@ -198,7 +198,7 @@ impl Divisible for PointsOptions {
     type Status = PointsStatus;
 
     fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<PointsStatus> {
-        let Request { inputs, output: folder, skipped, progress, cancel } = request;
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
         let job = self.job(inputs.names(), &folder.join("points"))?;
         let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
         plan_points(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)

@@ -17,7 +17,6 @@ use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
 use super::refinement::Refinement;
 use super::report::{Clock, StageReport, TinReport};
-use crate::beside;
 use crate::plan::{self, DiskCheck, PLAN, Plan, Written};
 use crate::sift::Skipped;
 use crate::transform::Transform;
@@ -114,13 +113,8 @@ fn plan_checked(
     }
     refuse_held(job.job.input.names())?;
     let reading = job.job.reading.absolute()?;
-    let absolute = |name: &Option<String>| name.as_deref().map(beside::absolute).transpose();
-    let asked = &job.job.refinement;
-    let refinement = Refinement {
-        keep_points: absolute(&asked.keep_points)?,
-        breaklines: absolute(&asked.breaklines)?,
-        ..asked.clone()
-    };
+    let constraints = job.job.refinement.constraints.absolute()?;
+    let refinement = Refinement { constraints, ..job.job.refinement.clone() };
     let transform = job.job.transform.as_ref().map(Transform::absolute).transpose()?;
     let input = job.job.input.resolve()?;
     let tin = TinJob { input, reading, refinement, transform, ..job.job.clone() };

@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use super::tin::Tin;
+use super::{Tin, height_origin_of, restate};
+use crate::placing::{Placed, Placing};
 use terrane_base::geom::Rounding;
 use terrane_base::{Error, Result};
-use terrane_jobs::placing::{Placed, Placing};
-use terrane_jobs::tin;
 use terrane_mesh::{self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions};
 
 /// Vertices or triangles handed to a sink at once.
@@ -16,18 +15,18 @@ impl Tin {
     /// Writes it into a new file, whole or not at all, in the format that its ending stands for, and returns
     /// the size of the file in bytes. GLB, STL and 3MF have 32 bits for a height: where rounding takes heights
     /// beyond the tolerance, the file states the [bound](Self::tolerance_in) that holds of it
-    /// ([`TinBuilder::write`](crate::TinBuilder::write) rounds first, and keeps the tolerance).
+    /// ([`Job::write`](crate::operation::Job::write) rounds first, and keeps the tolerance).
     ///
     /// # Errors
     /// A file that exists or cannot be written; an unknown ending; a mesh that is larger or smaller than the format
     /// holds.
     ///
     /// ```
-    /// # fn main() -> terrane::Result<()> {
+    /// # fn main() -> terrane_base::Result<()> {
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let path = folder.path().join("mesh.glb");
     /// let heights: Vec<f64> = (0..64 * 64).map(|i| (f64::from(i % 64) / 5.0).sin()).collect();
-    /// let tin = terrane::Tin::from_array(&heights, 64, 64)?.max_error(0.05).build()?;
+    /// let tin = terrane_jobs::tin::Tin::from_array(&heights, 64, 64)?.max_error(0.05).build()?;
     /// tin.write(&path)?;
     /// assert!((0.05..0.050001).contains(&tin.tolerance_in(&path)?));
     /// # Ok(())
@@ -77,7 +76,7 @@ impl Tin {
         header.origin = placed.origin([x, y, origin], header.bounds);
         (header.scale, header.unit) = (placed.scale, placed.unit);
         if tolerance > self.tolerance {
-            tin::restate(&mut header, tolerance);
+            restate(&mut header, tolerance);
         }
         Ok(header)
     }
@@ -94,7 +93,7 @@ impl Tin {
         if !format.single_precision || (placed.scale[2] == 1.0 && heights().all(is_exact)) {
             return Ok((placed, 0.0, self.tolerance));
         }
-        let origin = tin::height_origin_of(
+        let origin = height_origin_of(
             heights().fold(f64::INFINITY, f64::min),
             heights().fold(f64::NEG_INFINITY, f64::max),
         );

@@ -1,0 +1,122 @@
+//! Options of meshes of clouds.
+
+use std::path::Path;
+
+use terrane_options::{Options, Range, Rule};
+
+use super::plan::{CloudTinStatus, PlanCloudTinJob, plan_cloud_tin, run_in};
+use super::{CloudTinJob, CloudTinReport, run};
+use crate::Resources;
+use crate::operation::{Divisible, Operation, Request, Writes};
+use crate::options::{CloudInput, FileOutput, Resuming};
+use crate::placing::Placing;
+use crate::tin::Constraints;
+use terrane_base::error::{Error, Result};
+use terrane_cloud::OpenOptions;
+use terrane_mesh as mesh;
+use terrane_raster::Inputs;
+
+/// Simplify a point cloud into a triangle mesh with a proven vertical error bound
+///
+/// The mesh is the Delaunay triangulation of some of the points, and of posts on breaklines.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+pub struct CloudTinOptions {
+    /// Largest vertical distance of any point from the mesh, in the vertical unit of the data; 0 keeps all points
+    #[option(value = "E", range = Range::FROM_ZERO, heading = "Target")]
+    pub max_error: Option<f64>,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// The mesh file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How the mesh lies in its file.
+    #[option(flatten)]
+    pub placing: Placing,
+    /// What stays.
+    #[option(flatten)]
+    pub constraints: Constraints,
+    /// Where work is kept.
+    #[option(flatten)]
+    pub resuming: Resuming,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[
+    Rule::OneOf(&["max_error"], "target"),
+    Rule::NotWith("workdir", &["keep_degrees", "size", "scale", "exaggeration"]),
+];
+
+impl CloudTinOptions {
+    /// The job on some files.
+    ///
+    /// # Errors
+    /// No target; polygons that cannot be read.
+    pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
+        let options = self.cloud.options(&self.resources)?;
+        Ok(CloudTinJob { options, ..self.unread(inputs, output)? })
+    }
+
+    /// The same without the polygons that points are within.
+    fn unread(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
+        let none = || Error::usage("no target given").remedy("pass ‹max_error›");
+        Ok(CloudTinJob {
+            inputs: inputs.names().to_vec(),
+            options: OpenOptions::default(),
+            output: output.to_path_buf(),
+            format: self.file.format.clone(),
+            overwrite: self.file.replacing.overwrite,
+            placing: self.placing,
+            // Without the sign that a zero may have.
+            tolerance: self.max_error.ok_or_else(none)?.abs(),
+            keep_points: self.constraints.keep_points.clone(),
+            breaklines: self.constraints.breaklines.clone(),
+            measure: true,
+            resources: self.resources.clone(),
+        })
+    }
+}
+
+impl Operation for CloudTinOptions {
+    const NAME: &'static str = "tin";
+    type Input = CloudInput;
+    const WRITES: Writes = Writes::Mesh;
+    type Report = CloudTinReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        let job = self.unread(&Inputs::from(Vec::new()), output)?;
+        job.format().and(job.check())
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<CloudTinReport> {
+        let Request { inputs, output, skipped, is_measured, progress, cancel } = request;
+        let job = CloudTinJob { measure: is_measured, ..self.job(inputs, output)? };
+        match &self.resuming.workdir {
+            None => run(&job, progress, cancel),
+            Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
+        }
+    }
+}
+
+impl Divisible for CloudTinOptions {
+    const TASK_SIZE: &'static str = "Most points of a task, but for the 131,072 that are worked on together \
+                                     [default: about 17 million]";
+    type Status = CloudTinStatus;
+
+    /// In PLY unless told otherwise.
+    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<CloudTinStatus> {
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let format = mesh::by_path(folder, Some(self.file.format.as_deref().unwrap_or("PLY")))?;
+        let output = folder.join("mesh").with_extension(format.extensions[0]);
+        let job = CloudTinJob {
+            format: Some(format.name.to_owned()),
+            measure: false,
+            ..self.job(inputs, &output)?
+        };
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_cloud_tin(&PlanCloudTinJob { job, folder, cut: task_size, skipped }, progress, cancel)
+    }
+}
