@@ -124,3 +124,18 @@ def test_meshes_and_contours_are_brought_to_another_system(
     assert (moved.coordinates[:, 1] > 5e6).all()
     with pytest.raises(terrane.Error, match="lead to another system"):
         terrane.write_tin(heights, tmp_path / "n.ply", 5.0, geoid=sea, **where)
+
+
+def test_masks_of_water_are_asked_for_with_the_water(tmp_path: Path) -> None:
+    shapely = pytest.importorskip("shapely")
+    grid, lake = "synth:rough,size=65,seed=3", shapely.box(500100, 4749700, 500300, 4749900)
+    file = tmp_path / "lake.wkt"
+    file.write_text(lake.wkt)
+    file.with_suffix(".prj").write_text("EPSG:32631")
+    how: dict[str, Any] = {"max_level": 12, "water_mask": True}
+    for number, water in enumerate((lake, file)):
+        terrane.tiles(grid, tmp_path / f"{number}", water=water, **how)
+    terrane.plan_tiles(grid, tmp_path / "work", water=file, **how).run(output=tmp_path / "planned")
+    assert files(tmp_path / "0") == files(tmp_path / "1") == files(tmp_path / "planned")
+    with pytest.raises(terrane.InputError, match="water_mask cannot act without water"):
+        terrane.tiles(grid, tmp_path / "none", **how)

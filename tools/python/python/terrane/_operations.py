@@ -71,9 +71,11 @@ def ready(
         if options.get(key) is not None:
             options[key] = crs_text(options[key])
     if output is not None:
-        held = {key: "held" for key in BESIDE if not _beside.is_path(options.get(key))}
+        known = {own["name"] for own in tables()[name]["options"]}
+        given = {**options, **{key: value for key, value in reading.items() if key in known}}
+        held = {key: "held" for key in BESIDE if not _beside.is_path(given.get(key))}
         refuse_existing(output, options.get("overwrite") is True)
-        _terrane.check_operation(name, {**options, **held}, output)
+        _terrane.check_operation(name, {**given, **held}, output)
     if output is None:
         of = reading if reads == "grid" else options
         of |= _beside.paths("a plan is run later", **{key: of[key] for key in BESIDE if key in of})
