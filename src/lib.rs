@@ -44,7 +44,7 @@
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
 //! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`verify`](Grid::verify) |
 //! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
-//! | point clouds, or points in memory | [`open_cloud`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`points`](Cloud::points), [`verify`](Cloud::verify) |
+//! | point clouds, or points in memory | [`open_cloud`], [`open_cloud_as`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`points`](Cloud::points), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
 //! | a line in memory | [`simplify`] | fewer vertices |
 //! | a folder with a plan | [`Plan::open`] | what the plan says, by any number of machines |

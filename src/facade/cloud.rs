@@ -46,7 +46,33 @@ pub struct Cloud {
 /// # }
 /// ```
 pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
-    Cloud::open(input.into().names().to_vec(), CloudInput::default())
+    open_cloud_as(input, CloudInput::default())
+}
+
+/// Opens a point cloud to be read in some way, as [`read_as`](Cloud::read_as) has it, which counts from the start: damaged
+/// files open where their good part is enough, and files that name no reference system beside others that do.
+///
+/// # Errors
+/// As [`open_cloud`]; polygons that cannot be read, or are in another system.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let [las, text] = ["points.las", "points.xyz"].map(|name| folder.path().join(name));
+/// use terrane::{CloudInput, PointFilter};
+/// std::fs::write(&text, "10 0 1\n20 5 3\n").unwrap();
+/// let text = format!("cloud:{}", text.display());
+/// let points = PointFilter { crs: Some("EPSG:32631".to_owned()), ..PointFilter::default() };
+/// let reading = CloudInput { points, ..CloudInput::default() };
+/// terrane::open_cloud_as(text.as_str(), reading.clone())?.points().write(&las)?;
+/// let both = || vec![las.display().to_string(), text.clone()];
+/// assert!(terrane::open_cloud(both()).is_err());
+/// assert_eq!(terrane::open_cloud_as(both(), reading)?.info().count, 4);
+/// # Ok(())
+/// # }
+/// ```
+pub fn open_cloud_as(input: impl Into<Inputs>, reading: CloudInput) -> Result<Cloud> {
+    Cloud::open(input.into().names().to_vec(), reading)
 }
 
 /// Takes points in memory, x, y and z, for a cloud that jobs read as they read those in files; with what is known

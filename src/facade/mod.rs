@@ -11,7 +11,7 @@ mod surface;
 mod verify;
 
 pub use bands::{BandGrid, open_bands};
-pub use cloud::{Cloud, open_cloud, open_points};
+pub use cloud::{Cloud, open_cloud, open_cloud_as, open_points};
 pub use features::{Features, open_features};
 pub use grid::{Grid, open, open_array};
 pub use simplify::{Coordinates, Method, Simplify, simplify};

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::{Map, Value as Json};
 use terrane::{Cancel, CloudInput, Flags, Marks, Progress};
 use terrane_options::{Options, fill};
 
@@ -21,22 +20,13 @@ use crate::work::{Machine, Settings, run, with_machine};
 #[pyclass(frozen, module = "terrane._terrane")]
 pub(crate) struct Cloud(terrane::Cloud);
 
-/// The cloud, read as it is asked for.
-fn read_as(
-    cloud: terrane::Cloud,
-    reading: terrane::Result<Map<String, Json>>,
-) -> terrane::Result<terrane::Cloud> {
-    let reading = reading?;
-    if reading.is_empty() { Ok(cloud) } else { cloud.read_as(fill(&reading)?) }
-}
-
 #[pymethods]
 impl Cloud {
     /// The cloud in some files, or a synthetic one.
     #[staticmethod]
     fn open(py: Python<'_>, names: Vec<PathBuf>, reading: &Bound<'_, PyDict>) -> PyResult<Self> {
         let reading = options_of(CloudInput::TABLE, reading)?;
-        let open = || read_as(terrane::open_cloud(inputs(names)?)?, reading);
+        let open = || terrane::open_cloud_as(inputs(names)?, fill(&reading?)?);
         told(py, py.detach(open)).map(Self)
     }
 
@@ -72,7 +62,8 @@ impl Cloud {
             };
             (0..positions.len()).map(mark).collect()
         });
-        let open = || read_as(terrane::open_points(positions, marks.as_deref(), crs)?, reading);
+        let open =
+            || terrane::open_points(positions, marks.as_deref(), crs)?.read_as(fill(&reading?)?);
         told(py, py.detach(open)).map(Self)
     }
 

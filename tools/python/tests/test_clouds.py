@@ -272,3 +272,32 @@ def test_polygons_are_united_and_in_the_system_of_the_points(
         crs = {"crs": 32631} if source is points else {}
         with pytest.raises(terrane.Error, match="EPSG:2154"):
             terrane.grid(source, 10.0, clip=elsewhere, **crs)
+
+
+def test_clouds_are_opened_as_they_are_read(las: str, points: NDArray[np.float64], tmp_path: Path) -> None:
+    """A damaged file, and files some of which say no reference system: options that help are heard from the start."""
+    shapely = pytest.importorskip("shapely")
+    damaged = tmp_path / "damaged.las"
+    damaged.write_bytes(Path(las).read_bytes()[: -100 * laspy.read(las).header.point_format.size])
+    text = tmp_path / "more.xyz"
+    np.savetxt(text, points + (0, 0, 1), fmt="%.2f")
+    mixed = [las, f"cloud:{text}"]
+    box = shapely.box(5e5 + 2, 4e6 + 2, 5e5 + 52, 4e6 + 42)
+    for name, source, options in (("damaged", str(damaged), {"salvage": True}), ("mixed", mixed, {"crs": 32631})):
+        with pytest.raises(terrane.Error):
+            terrane.grid(source, 10.0)
+        with pytest.raises(terrane.Error):
+            terrane.points(source, tmp_path / "none.laz")
+        for clip in (None, box):
+            asked: dict[str, Any] = {**options, "clip": clip}
+            assert terrane.grid(source, 10.0, **asked).crs == "EPSG:32631"
+            terrane.points(source, tmp_path / f"{name}.laz", overwrite=True, **asked)
+            mesh = tmp_path / f"{name}.ply"
+            terrane.write_cloud_tin(source, mesh, 40.0, overwrite=True, **asked)
+            assert terrane.verify_cloud(mesh, source, **asked).ok
+        plan = terrane.plan_grid(source, tmp_path / f"{name} grid", cell=10.0, **options)
+        terrane.grid(source, 10.0, output=tmp_path / f"{name}.tif", **options)
+        plan.run(output=tmp_path / f"{name} planned.tif")
+        planned, at_once = (tmp_path / f"{name}{end}.tif" for end in (" planned", ""))
+        assert planned.read_bytes() == at_once.read_bytes()
+        terrane.plan_cloud_tin(source, tmp_path / f"{name} tin", 40.0, **options)

@@ -34,17 +34,18 @@ FLAGS = {
 }
 
 
-def cloud_of(points: Any, options: dict[str, Any], /, **reading: Any) -> _terrane.Cloud:
-    """The cloud that `points` stands for, read as `reading` says. What only points in memory need, their `crs`, is taken
-    out of `options`, which are those of an operation on it."""
-    for given in (options, reading):
-        if given.get("crs") is not None:
-            given["crs"] = crs_text(given["crs"])
+# Without these options of how clouds are read some cannot be opened.
+OPENING = ("crs", "salvage")
+
+
+def cloud_of(points: Any, reading: dict[str, Any]) -> _terrane.Cloud:
+    """The cloud that `points` stands for, read as `reading` says."""
+    reading = {**reading, "crs": crs_text(reading.get("crs"))}
     names = names_of(points)
     if names is not None:
         return _terrane.Cloud.open(names, reading)
     positions, marks, own = columns(points)
-    told = reading.pop("crs", None) or options.pop("crs", None)
+    told = reading.pop("crs")
     text = crs_text(own) if told is None else told
     classed, nth, counts, flags = (marks.get(name) for name in (*MARKS, "flags"))
     return _terrane.Cloud.array(positions, classed, nth, counts, flags, text, reading)
@@ -239,6 +240,7 @@ def verify_cloud(
 @contextmanager
 def clipped(points: Any, reading: dict[str, Any]) -> Iterator[_terrane.Cloud]:
     """The cloud that `points` stands for, read as `reading` says, as long as the polygons are there that it is clipped to."""
-    clip, own = reading.pop("clip", None), crs_text(reading.get("crs"))
-    with _beside.files(lambda: cloud_of(points, {}).info["crs"] or own, clip=clip) as files:
-        yield cloud_of(points, {}, **reading, **({} if clip is None else files))
+    opening = {key: reading[key] for key in OPENING if key in reading}
+    clip = reading.pop("clip", None)
+    with _beside.files(lambda: cloud_of(points, opening).info["crs"], clip=clip) as files:
+        yield cloud_of(points, {**reading, **files})

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from terrane import _beside, _terrane
-from terrane._clouds import GridResult, cloud_of
+from terrane._clouds import OPENING, GridResult, cloud_of
 from terrane._errors import refuse_existing, usage
 from terrane._lines import Lines, sorted_lines
 from terrane._numbers import number
@@ -85,10 +85,9 @@ def ready(
         with opened(src, **reading) as (grid, _):
             yield grid, progress
     else:
-        cloud = cloud_of(src, options)
+        cloud = cloud_of(src, {key: options.pop(key) for key in OPENING if key in options})
         beside = {key: options.pop(key) for key in BESIDE if key in options}
-        own = options.get("crs")
-        with _beside.files(lambda: cloud.info["crs"] or own, **beside) as files:
+        with _beside.files(lambda: cloud.info["crs"], **beside) as files:
             options |= files
             yield cloud, progress
 
