@@ -301,3 +301,21 @@ def test_clouds_are_opened_as_they_are_read(las: str, points: NDArray[np.float64
         planned, at_once = (tmp_path / f"{name}{end}.tif" for end in (" planned", ""))
         assert planned.read_bytes() == at_once.read_bytes()
         terrane.plan_cloud_tin(source, tmp_path / f"{name} tin", 40.0, **options)
+
+
+def test_polygons_have_the_other_name_everywhere(las: str, tmp_path: Path) -> None:
+    file = tmp_path / "area.wkt"
+    file.write_text("POLYGON ((500002 4000002, 500052 4000002, 500052 4000042, 500002 4000002))")
+    file.with_suffix(".prj").write_text("EPSG:32631")
+    meshes = [tmp_path / f"{name}.ply" for name in ("clip", "polygon", "planned")]
+    terrane.write_cloud_tin(las, meshes[0], 40.0, clip=file)
+    terrane.write_cloud_tin(las, meshes[1], 40.0, polygon=file)
+    terrane.plan_cloud_tin(las, tmp_path / "work", 40.0, polygon=file).run(output=meshes[2])
+    assert len({mesh.read_bytes() for mesh in meshes}) == 1
+    assert terrane.verify_cloud(meshes[0], las, polygon=file).ok
+    geometry = pytest.importorskip("shapely").from_wkt(file.read_text())
+    terrane.write_cloud_tin(las, meshes[1], 40.0, polygon=geometry, overwrite=True)
+    assert meshes[1].read_bytes() == meshes[0].read_bytes()
+    for options in ({}, {"clip": file}):
+        with pytest.raises(terrane.InputError, match="in memory" if not options else "clip"):
+            terrane.plan_cloud_tin(las, tmp_path / "other", 40.0, polygon=geometry, **options)

@@ -47,6 +47,12 @@ def files(
             raise
 
 
+def settle(options: dict[str, Any]) -> None:
+    """Calls polygons to clip to `clip`, which have another name, too."""
+    if "polygon" in options and options.get("clip") is None:
+        options["clip"] = options.pop("polygon")
+
+
 def is_path(value: Any) -> bool:
     """True for what names a file, or nothing."""
     return value is None or isinstance(value, str | os.PathLike)

@@ -240,6 +240,7 @@ def verify_cloud(
 @contextmanager
 def clipped(points: Any, reading: dict[str, Any]) -> Iterator[_terrane.Cloud]:
     """The cloud that `points` stands for, read as `reading` says, as long as the polygons are there that it is clipped to."""
+    _beside.settle(reading)
     opening = {key: reading[key] for key in OPENING if key in reading}
     clip = reading.pop("clip", None)
     with _beside.files(lambda: cloud_of(points, opening).info["crs"], clip=clip) as files:

@@ -62,8 +62,7 @@ def ready(
     reads = tables()[name]["reads"]
     # What can be looked at once is looked at twice.
     options |= {key: list(value) for key, value in options.items() if isinstance(value, Iterator)}
-    if "polygon" in options and options.get("clip") is None:
-        options["clip"] = options.pop("polygon")
+    _beside.settle(options)
     reading = {key: options.pop(key) for key in SOURCE if reads == "grid" and key in options}
     progress = settings(None, None, options.pop("progress", None))
     keys = ("to_crs", "to-crs", "crs") if reads == "cloud" else ("to_crs", "to-crs")

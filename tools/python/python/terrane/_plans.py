@@ -161,6 +161,7 @@ def plan_cloud_tin(
     """
     run = settings(threads, memory, progress)
     error, parts = needed("max_error", max_error), number("task_size", task_size)
+    _beside.settle(reading)
     reading |= _beside.paths("a plan is run later", clip=reading.pop("clip", None))
     cloud = cloud_of(points, reading)
     return Plan(cloud.plan_tin(os.fspath(folder), error, format, parts, run))
