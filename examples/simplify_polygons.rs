@@ -29,7 +29,7 @@ fn main() -> terrane::Result<()> {
     let polygons = terrane::open_features(&input)?;
     let report = polygons.simplify().topology(true).tolerance(0.05).write(&output)?;
     println!("{} of {} vertices kept", report.kept, report.vertices);
-    let proof = polygons.verify(&output).topology(true).max_error(0.05).run()?;
+    let proof = polygons.verify(&output).topology(true).tolerance(0.05).run()?;
     assert!(proof.verdict.passed && proof.torn == 0, "{:?}", proof.verdict.failures);
     println!("no border torn, no vertex further than {:.4}", proof.largest_distance);
 

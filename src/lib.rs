@@ -108,7 +108,11 @@ pub use terrane_jobs::translate::{
     Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, PointsOptions, Reclassify,
     Sort, Thin, TileFormat, TranslateReport,
 };
-pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
+pub use terrane_jobs::verify::tiles::TilesVerifyReport;
+pub use terrane_jobs::verify::{
+    CloudMeshProof, CloudTilesProof, CloudVerifyReport, LineProof, LineVerifyReport, MeshProof,
+    Proof, TilesProof, Verdict, VerifyReport, Written,
+};
 pub use terrane_jobs::{Cancel, FileAt, Progress, Silent};
 pub use terrane_methods::Triangulation;
 pub use terrane_raster::{ArrayGrid, ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};

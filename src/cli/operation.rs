@@ -111,23 +111,24 @@ pub(super) trait Source: Input + Clone {
 }
 
 /// The files that are taken of inputs, where these cannot be stdin and some options were given.
-pub(super) fn take<O: Operation<Input: Source>>(
+pub(super) fn take<O: Has<I> + Has<Resources>, I: Source>(
     (options, given): (&mut O, &[&'static str]),
     input: Vec<String>,
     many: &Many,
 ) -> Result<Sifted> {
-    let opening = Has::<O::Input>::part(options).opening(options.part())?;
+    let opening = Has::<I>::part(options).opening(options.part())?;
+    let opening = opening.of_colours(given.contains(&"bands"));
     let input = many.find(&input, opening.kind())?;
-    input.iter().try_for_each(|name| O::Input::check(name, many, given))?;
+    input.iter().try_for_each(|name| I::check(name, many, given))?;
     let sifted = many.sift(input, opening.kind(), options.part())?;
-    skip_bad(options, many);
+    skip_bad::<I>(options, many);
     Ok(sifted)
 }
 
 /// Passes over damage where bad files are skipped, once these are sifted out.
-fn skip_bad<O: Operation<Input: Source>>(options: &mut O, many: &Many) {
+fn skip_bad<I: Source>(options: &mut impl Has<I>, many: &Many) {
     if many.skip_bad {
-        Has::<O::Input>::part_mut(options).skip_bad();
+        options.part_mut().skip_bad();
     }
 }
 
@@ -349,7 +350,7 @@ where
     check_given(options, given)?;
     let reading = O::Input::clone(options.part());
     let resources = Resources::clone(options.part());
-    let opening = reading.opening(&resources)?.of_colours(options.takes_colours());
+    let opening = reading.opening(&resources)?.of_colours(given.contains(&"bands"));
     let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
     if named(options, "workdir").is_some() {
         stdin.refuse("‹workdir›")?;
@@ -370,8 +371,8 @@ where
     check_files(options, &read, &output, report)?;
     stdin.gather(&mut input, call.cancel)?;
     let Sifted { names, skipped } = many.sift(input, opening.kind(), &resources)?;
-    skip_bad(options, many);
-    let are_made = names.iter().all(|name| is_made(name));
+    skip_bad::<O::Input>(options, many);
+    let are_made = O::WRITES != Writes::Mesh && names.iter().all(|name| is_made(name));
     let inputs = stdin.inputs(names);
     let (progress, cancel) = (show.progress(), call.cancel);
     let (progress, is_measured) = (progress.as_ref(), show.json || report.is_some());

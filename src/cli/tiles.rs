@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::cli::operation::{self, Frame};
-use crate::cli::shared::either::Either;
 use crate::cli::shared::many::Many;
+use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, report, text};
 use crate::error::Result;
@@ -35,11 +35,20 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    options: Either<TilesOptions, CloudTilesOptions>,
+    options: Union<Sources>,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
     show: args::Show,
+}
+
+/// What tiles are made of.
+#[derive(Clone, Debug)]
+struct Sources;
+
+impl Kinds for Sources {
+    const ALL: &'static [Kind] =
+        &[Kind::of::<TilesOptions>("grids"), Kind::of::<CloudTilesOptions>("point clouds")];
 }
 
 impl Verb for Args {
@@ -69,8 +78,14 @@ impl Verb for Args {
         let (given, report) = (self.options.given(), report.as_deref());
         let frame = Frame { input, output, given, report, many, show };
         match many.are_clouds(input)? {
-            true => operation::run(self.options.of_cloud(&input[0])?, frame, call),
-            false => operation::run(self.options.of_grid(&input[0])?, frame, call),
+            true => operation::run(
+                self.options.of::<CloudTilesOptions>(&input[0], "a point cloud")?,
+                frame,
+                call,
+            ),
+            false => {
+                operation::run(self.options.of::<TilesOptions>(&input[0], "none")?, frame, call)
+            }
         }
     }
 }

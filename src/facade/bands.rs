@@ -2,13 +2,10 @@
 
 use std::path::Path;
 
-use super::verify::VerifyBuilder;
-use terrane_base::Result;
-use terrane_jobs::bands::Bands;
 use terrane_jobs::operation::Job;
 use terrane_jobs::options::GridInput;
 use terrane_jobs::tin::TinOptions;
-use terrane_jobs::verify::{self, AskedBands, VerifyJob, VerifyReport};
+use terrane_jobs::verify::{MeshProof, Written};
 use terrane_raster::Inputs;
 
 /// Bands of a grid, in one file or many, that are to share one mesh: what [`open_bands`] names. Nothing is read of
@@ -86,27 +83,11 @@ impl BandGrid {
     }
 
     /// The proof of a mesh in a file against these bands, each of its channels and its heights.
-    pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, BandGrid> {
-        VerifyBuilder::of(self, mesh.as_ref())
-    }
-
-    fn bands(&self) -> Result<Bands> {
-        Bands::new(&self.bands, &self.weights, self.heights)
-    }
-}
-
-impl VerifyBuilder<'_, BandGrid> {
-    /// Proves the mesh.
-    ///
-    /// # Errors
-    /// What keeps the proof from being done: bands that the mesh was not made of, files that cannot be read, too
-    /// little memory.
-    pub fn run(self) -> Result<VerifyReport> {
-        self.against.bands()?;
-        let BandGrid { inputs, reading, bands, weights, heights } = self.against;
-        let asked =
-            AskedBands { bands: bands.clone(), weights: weights.clone(), heights: *heights };
-        let job = VerifyJob { bands: Some(asked), ..self.mesh_job(inputs, reading)? };
-        verify::run(&job, &*self.run.progress, &self.run.cancel)
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, Written> {
+        let grid = GridInput { band: self.heights, ..self.reading.clone() };
+        let (bands, weights) = (self.bands.clone(), self.weights.clone());
+        let options = MeshProof { grid, bands, weights, ..MeshProof::default() };
+        let (file, original) = (mesh.as_ref().to_path_buf(), self.inputs.clone());
+        Job::new(Written { file, original }, options)
     }
 }

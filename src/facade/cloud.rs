@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::verify::VerifyBuilder;
 use terrane_base::Result;
 use terrane_base::geom::Crs;
 use terrane_cloud::{self as cloud, CloudInfo, HeldCloud, Marks, OpenOptions};
@@ -15,6 +14,7 @@ use terrane_jobs::options::CloudInput;
 use terrane_jobs::plan::AnyPlan as Plan;
 use terrane_jobs::tiles::{CloudTilesOptions, ModelOptions};
 use terrane_jobs::translate::PointsOptions;
+use terrane_jobs::verify::{CloudMeshProof, CloudTilesProof, Proof, Written};
 use terrane_jobs::{Cancel, Progress, Resources};
 use terrane_options::changed;
 use terrane_raster::Inputs;
@@ -23,7 +23,6 @@ use terrane_raster::Inputs;
 pub struct Cloud {
     pub(super) inputs: Vec<String>,
     pub(super) reading: CloudInput,
-    pub(super) options: OpenOptions,
     info: CloudInfo,
     /// Gives up what is in memory, once the last one of it is gone.
     held: Option<Arc<HeldCloud>>,
@@ -103,9 +102,9 @@ impl Cloud {
     fn open(inputs: Vec<String>, reading: CloudInput) -> Result<Self> {
         let options = reading.options(&Resources::default())?;
         // What a job cannot work on, it says.
-        let any = OpenOptions { any_extent: true, ..options.clone() };
+        let any = OpenOptions { any_extent: true, ..options };
         let info = cloud::source(&inputs, &any)?.info().clone();
-        Ok(Self { inputs, reading, options, info, held: None })
+        Ok(Self { inputs, reading, info, held: None })
     }
 
     /// The same cloud, read otherwise: the points within bounds or polygons, of some classes, of which a condition is true,
@@ -308,7 +307,20 @@ impl Cloud {
     }
 
     /// The proof of a mesh in a file against this cloud.
-    pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Cloud> {
-        VerifyBuilder::of(self, mesh.as_ref())
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, CloudMeshProof, Written> {
+        let cloud = self.reading.clone();
+        self.proof(mesh.as_ref(), CloudMeshProof { cloud, ..CloudMeshProof::default() })
+    }
+
+    /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](Job::cell) and
+    /// [ground](Job::ground) as they were when the tiles were made.
+    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, Written> {
+        let cloud = self.reading.clone();
+        self.proof(tiles.as_ref(), CloudTilesProof { cloud, ..CloudTilesProof::default() })
+    }
+
+    fn proof<O: Proof>(&self, file: &Path, options: O) -> Job<'_, O, Written> {
+        let (file, original) = (file.to_path_buf(), Inputs::from(self.inputs.clone()));
+        Job::new(Written { file, original }, options)
     }
 }

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::verify::VerifyBuilder;
 use terrane_base::Result;
 use terrane_jobs::line::LineOptions;
 use terrane_jobs::operation::{AnyOperation, Call, Job, Request};
 use terrane_jobs::options::FeatureInput;
+use terrane_jobs::verify::{LineProof, Written};
 use terrane_jobs::{Cancel, Progress};
 use terrane_raster::Inputs;
 use terrane_vector::{self as vector, OpenOptions};
@@ -31,7 +31,7 @@ pub struct Features {
 /// let lines = terrane::open_features(&path)?;
 /// let report = lines.simplify().tolerance(0.1).write(&simpler)?;
 /// assert_eq!((report.vertices, report.kept), (3, 2));
-/// assert!(lines.verify(&simpler).max_error(0.1).run()?.verdict.passed);
+/// assert!(lines.verify(&simpler).tolerance(0.1).run()?.verdict.passed);
 /// # Ok(())
 /// # }
 /// ```
@@ -79,7 +79,9 @@ impl Features {
     }
 
     /// The proof of simplified lines in a file against these.
-    pub fn verify(&self, lines: impl AsRef<Path>) -> VerifyBuilder<'_, Features> {
-        VerifyBuilder::of(self, lines.as_ref())
+    pub fn verify(&self, lines: impl AsRef<Path>) -> Job<'_, LineProof, Written> {
+        let features = FeatureInput { layer: self.layer.clone() };
+        let (file, original) = (lines.as_ref().to_path_buf(), Inputs::from(self.path.clone()));
+        Job::new(Written { file, original }, LineProof { features, ..LineProof::default() })
     }
 }

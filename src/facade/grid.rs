@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::verify::VerifyBuilder;
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_files::name_of;
@@ -19,6 +18,7 @@ use terrane_jobs::relief::{
 };
 use terrane_jobs::tiles::TilesOptions;
 use terrane_jobs::tin::TinOptions;
+use terrane_jobs::verify::{MeshProof, Proof, TilesProof, Written};
 use terrane_jobs::{Cancel, Progress, Resources, memory};
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
@@ -439,9 +439,33 @@ impl Grid {
         self.job()
     }
 
-    /// The proof of a mesh in a file against this grid.
-    pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Grid> {
-        VerifyBuilder::of(self, mesh.as_ref())
+    /// The proof of a mesh in a file against this grid. Meshes of terrane state their tolerance, what it is of, and their
+    /// smallest angle; of others, without a [largest error](Job::max_error), errors are measured and not judged.
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, Written> {
+        self.proof(mesh.as_ref())
+    }
+
+    /// The proof of a folder of terrain tiles against this grid.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let tiles = folder.path().join("tiles");
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// dem.tiles().max_level(11).write(&tiles)?;
+    /// assert!(dem.verify_tiles(&tiles).run()?.verdict.passed);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, TilesProof, Written> {
+        self.proof(tiles.as_ref())
+    }
+
+    fn proof<O: Proof + Has<GridInput>>(&self, file: &Path) -> Job<'_, O, Written> {
+        let mut options = O::default();
+        *options.part_mut() = self.reading.clone();
+        let (file, original) = (file.to_path_buf(), self.inputs.clone());
+        Job::new(Written { file, original }, options)
     }
 }
 

@@ -5,10 +5,8 @@ mod bands;
 mod cloud;
 mod features;
 mod grid;
-mod run;
 mod simplify;
 mod surface;
-mod verify;
 
 pub use bands::{BandGrid, open_bands};
 pub use cloud::{Cloud, open_cloud, open_cloud_as, open_points};
@@ -16,4 +14,3 @@ pub use features::{Features, open_features};
 pub use grid::{Grid, open, open_array};
 pub use simplify::{Coordinates, Method, Simplify, simplify};
 pub use surface::Surface;
-pub use verify::VerifyBuilder;

@@ -54,7 +54,7 @@ fn tolerances_that_are_none() {
 #[test]
 fn exactly_one_goal() {
     let place = place();
-    place.fails(&["tin", "good.asc", "out.ply"], 2, &["--max-error", "terrane tin --help"]);
+    place.fails(&["tin", "good.asc", "out.ply"], 2, &["no target given", "--max-error"]);
     let both = ["tin", "good.asc", "out.ply", "--max-error", "1", "--max-vertices", "9"];
     place.fails(&both, 2, &["cannot be used with"]);
     place.fails(&["tin", "good.asc", "out.ply", "--max-triangles", "0"], 2, &["--max-triangles"]);
@@ -360,7 +360,7 @@ fn a_tile_out_of_range_is_a_usage_error_that_tells_the_range() {
     let place = place();
     for cells in ["1", "15", "8193", "99999999999"] {
         let args = ["tin", "good.asc", "out.ply", "--max-error", "1", "--tile", cells];
-        place.fails(&args, 2, &["--tile", "16..=8192"]);
+        place.fails(&args, 2, &["--tile", "from 16 to 8192"]);
     }
 }
 

@@ -68,9 +68,9 @@ fn what_is_about_grids_is_refused() {
     };
     tin(&["--max-error", "1", "--tile", "64"], &["--tile is for grids", "leave --tile out"]);
     tin(&["--max-error", "1", "--strict"], &["--strict is for grids"]);
-    tin(&["--max-error", "1", "--bound", "surface"], &["--bound surface is for grids"]);
+    tin(&["--max-error", "1", "--bound", "surface"], &["--bound is for grids"]);
     tin(&["--max-error", "1", "--band", "2"], &["--band is for grids"]);
-    tin(&["--max-vertices", "100"], &["--max-vertices", "give a cloud --max-error"]);
+    tin(&["--max-vertices", "100"], &["--max-vertices is for grids"]);
     place.fails(&["tin", "g.asc", "a.laz", "a.ply", "--max-error", "1"], 2, &["one input"]);
     let args = ["tin", "g.asc", "a.ply", "--max-error", "1", "--class", "2"];
     place.fails(&args, 2, &["--class is for point clouds"]);

@@ -13,6 +13,11 @@ use crate::operation_values::{UNTRIED, VALUES};
 
 const TERRAIN: &str = "synth:rough,size=90,seed=3";
 
+/// The verb of an operation.
+fn verb(operation: &AnyOperation) -> &'static str {
+    operation.name.trim_start_matches("cloud-")
+}
+
 /// What options an operation needs to run at all.
 fn needed(operation: &AnyOperation) -> Map<String, Json> {
     let needed = match operation.name {
@@ -20,7 +25,10 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
         "contour" => json!({ "interval": 10 }),
         "grid" => json!({ "cell": 2 }),
         "simplify" => json!({ "tolerance": 40 }),
+        "tin" => json!({ "max_error": 20 }),
+        "cloud-tin" => json!({ "max_error": 0.5 }),
         "tiles" => json!({ "max_level": 12 }),
+        "cloud-tiles" => json!({ "max_level": 12, "cell": 2 }),
         _ => json!({}),
     };
     needed.as_object().unwrap().clone()
@@ -29,7 +37,12 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
 /// The file that an operation writes.
 fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str {
     match (operation.name, options.get("format").and_then(Json::as_str)) {
-        ("tiles", _) => "out",
+        ("tiles" | "cloud-tiles", _) => "out",
+        ("tin", _) if options.contains_key("split") => "out",
+        ("tin" | "cloud-tin", Some("STL")) => "out.stl",
+        ("tin" | "cloud-tin", Some("OBJ")) => "out.obj",
+        ("tin" | "cloud-tin", Some("GLB")) => "out.glb",
+        ("tin" | "cloud-tin", _) => "out.ply",
         ("points", _) if options.contains_key("tile") || options.contains_key("split") => "out",
         ("points", _) => "out.laz",
         ("contour" | "simplify", Some("FlatGeobuf")) => "out.fgb",
@@ -144,6 +157,8 @@ fn place() -> Place {
     place.write("near.wkt", near).write("near.prj", "EPSG:32631");
     let cells = "1 2 3 4 5\n".repeat(4);
     let head = "ncols 5\nnrows 4\nxllcorner 500010\nyllcorner 4750010\ncellsize 7\n";
+    let degrees = "ncols 5\nnrows 4\nxllcorner 7\nyllcorner 46\ncellsize 0.01\n";
+    place.write("degrees.asc", degrees.to_owned() + &cells).write("degrees.prj", "EPSG:4326");
     place.write("near.asc", head.to_owned() + &cells).write("near.prj", "EPSG:32631");
     place
 }
@@ -184,7 +199,8 @@ fn each_option_does_the_same_at_each_door() {
         for field in operation.table.fields() {
             let Some(options) = tried(operation, field) else { continue };
             let input = match (field.name, operation.reads) {
-                ("band" | "nodata", Reads::Grid) => "bands.tif",
+                ("band" | "nodata" | "bands" | "weights", Reads::Grid) => "bands.tif",
+                ("keep_degrees", _) => "degrees.asc",
                 ("layer", _) => "two.topojson",
                 ("crs", _) => "cloud:cloud.xyz",
                 ("dedupe" | "drop_overlap", _) => "twice*.las",
@@ -237,7 +253,7 @@ fn write_both(
 ) -> Vec<u8> {
     let name = output(operation, options);
     let (names, arguments) = arguments(operation, options);
-    let mut words = vec![operation.name, input];
+    let mut words = vec![verb(operation), input];
     words.extend(names.iter().map(String::as_str));
     words.push(name);
     words.extend(arguments.iter().map(String::as_str));
@@ -259,6 +275,10 @@ fn taken(path: &Path) -> Vec<u8> {
     let kept = path.with_file_name("kept");
     if kept.exists() {
         std::fs::remove_dir_all(kept).unwrap();
+    }
+    let prj = path.with_extension("prj");
+    if path.is_file() && prj.exists() {
+        std::fs::remove_file(prj).unwrap();
     }
     if path.is_dir() {
         let entries = std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path());
@@ -316,7 +336,7 @@ fn what_does_not_go_together_is_refused_at_each_door_before_anything_is_read() {
         for rule in operation.table.rules() {
             let Rule::NotWith(name, others) = rule else { continue };
             for other in *others {
-                refuse_both(&place, operation, name, other);
+                refuse_both(&place, operation, [name, other]);
                 tried += 1;
             }
         }
@@ -324,10 +344,18 @@ fn what_does_not_go_together_is_refused_at_each_door_before_anything_is_read() {
     assert!(tried >= 7, "{tried}");
 }
 
-fn refuse_both(place: &Place, operation: &AnyOperation, name: &str, other: &str) {
+fn refuse_both(place: &Place, operation: &AnyOperation, terms: [&str; 2]) {
+    // Terms may say which value an option has, or has not.
+    let named = terms.map(|term| term.split_once('=').map_or((term, None), |(a, b)| (a, Some(b))));
+    let [name, other] = named.map(|(name, _)| name.trim_end_matches('!'));
+    let value = |(name, value): (&str, Option<&str>)| {
+        let value = value.filter(|_| !name.ends_with('!'));
+        Some((name.to_owned(), Json::from(value?)))
+    };
     let options = [name, other]
         .into_iter()
-        .flat_map(|name| tried(operation, operation.table.find(name).unwrap()).unwrap_or_default());
+        .flat_map(|name| tried(operation, operation.table.find(name).unwrap()).unwrap_or_default())
+        .chain(named.into_iter().filter_map(value));
     let all: Vec<(String, Json)> = options.collect();
     let mut options: Map<String, Json> = all.iter().cloned().collect();
     // What one of them does without, is left out.
@@ -338,9 +366,13 @@ fn refuse_both(place: &Place, operation: &AnyOperation, name: &str, other: &str)
     if [name, other].contains(&"levels") && ![name, other].contains(&"interval") {
         options.remove("interval");
     }
-    let together = format!("‹{name}› cannot be used with ‹{other}›");
+    let told = terms.map(|term| match operation.table.find(term).and_then(|field| field.off) {
+        Some(_) => format!("‹{term}=false›"),
+        None => format!("‹{}›", term.split_once("!=").map_or(term, |(name, _)| name)),
+    });
+    let together = format!("{} cannot be used with {}", told[0], told[1]);
     let (names, arguments) = arguments(operation, &options);
-    let mut words = vec![operation.name, input(operation)];
+    let mut words = vec![verb(operation), input(operation)];
     words.extend(names.iter().map(String::as_str));
     words.push(output(operation, &options));
     words.extend(arguments.iter().map(String::as_str));
@@ -442,7 +474,7 @@ fn values_and_names_are_taken_as_they_are_written() {
     let report: Json = serde_json::from_str(&told).unwrap();
     assert_eq!(report["input"], "‹fit›.tif");
     place.fails(&["slope", "‹no›.tif", "t.tif"], 65, &["‹no›.tif: no such file"]);
-    for verb in OPERATIONS.iter().map(|operation| operation.name) {
+    for verb in OPERATIONS.iter().map(verb) {
         let help = place.ok(&[verb, "--help"]).out;
         assert!(!help.contains('‹'), "{help}");
     }

@@ -113,7 +113,7 @@ fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
         (&["--fit"], &["--fit is for grids"]),
         (&["--triangulation", "data-dependent"], &["--triangulation is for grids"]),
         (&["--band", "1"], &["--band is for grids"]),
-        (&["--bound", "surface"], &["--bound surface is for grids"]),
+        (&["--bound", "surface"], &["--bound is for grids"]),
         (&["--keep-points", "k.wkt"], &["--keep-points cannot act in the plan", "terrane tin"]),
         (&["--breaklines", "k.wkt"], &["--breaklines cannot act in the plan"]),
         (&["--cut", "0"], &["0"]),
@@ -133,7 +133,7 @@ fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
     place.fails(&flat, 65, &["the points have no surface"]);
     let workdir =
         ["tin", "c.laz", "m.stl", "--max-error", "1", "--workdir", "w", "--scale", "1:500"];
-    place.fails(&workdir, 2, &["--scale cannot be kept in a --workdir"]);
+    place.fails(&workdir, 2, &["--workdir cannot be used with --scale"]);
     let unused = ["tin", "c.laz", "m.ply", "--max-error", "1", "--no-disk-check"];
     place.fails(&unused, 2, &["--no-disk-check"]);
     assert!(!place.path("work").exists(), "nothing was planned");

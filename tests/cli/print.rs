@@ -229,7 +229,7 @@ fn options_of_prints_that_cannot_act_are_refused() {
         (&["plain.asc", "a.stl", "--size", "1", "--workdir", "w"], "--workdir"),
         (
             &["plain.asc", "a.stl", "--size", "1", "--base", "1", "--co", "SOLID_BASE=0"],
-            "--base and SOLID_BASE",
+            "--base cannot be used with --co",
         ),
         (&["cloud:a.txt", "a.stl", "--size", "1", "--base", "1"], "--base is for grids"),
         (&["plain.asc", "a.stl", "--size", "0mm"], "expected a length"),

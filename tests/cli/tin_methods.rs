@@ -87,7 +87,10 @@ fn what_a_method_does_not_have_is_refused_by_name() {
         ["--workdir w", "--split 2", "--strict", "--no-drop", "--tile 64", "--bound surface"]
     {
         let named = option.trim_end_matches(|c: char| c == 'w' || c.is_ascii_digit()).trim();
-        refused(&format!("--max-error 4 --method greedy1 {option}"), &["greedy1", named]);
+        refused(
+            &format!("--max-error 4 --method greedy1 {option}"),
+            &["--method cannot be used with", named],
+        );
     }
     refused("--max-error 4 --method vip --triangulation split3", &["vip has no --triangulation"]);
     refused("--max-error 4 --triangulation split3", &["greedy has no --triangulation"]);

@@ -211,8 +211,16 @@ fn what_cannot_be_made_level_is_refused() {
     let job = [&["tin", TERRAIN, "a.ply", "--max-error", "5"][..], &WATER].concat();
     place.fails(&[&job[..], &["--fit"]].concat(), 2, &["--water", "--fit"]);
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--water", "--min-angle"]);
-    place.fails(&[&job[..], &["--method", "drop"]].concat(), 2, &["has no --water"]);
-    place.fails(&[&job[..], &["--bands", "1"]].concat(), 2, &["--bands has no --water"]);
+    place.fails(
+        &[&job[..], &["--method", "drop"]].concat(),
+        2,
+        &["--method cannot be used with --water"],
+    );
+    place.fails(
+        &[&job[..], &["--bands", "1"]].concat(),
+        2,
+        &["--bands cannot be used with --water"],
+    );
     place.ok(&["synth", "cloud,size=20,density=2,seed=5", "a.laz", "-q"]);
     let cloud = ["tin", "a.laz", "c.ply", "--max-error", "1"];
     place.fails(&[&cloud[..], &WATER].concat(), 2, &["--water is for grids"]);

@@ -28,7 +28,7 @@ fn stored(path: &std::path::Path) -> (Vec<[f64; 3]>, Vec<[u64; 3]>) {
 #[test]
 fn a_mesh_in_memory_tells_what_is_not_as_it_was_asked_for() {
     let land = terrane::open("synth:salt,size=570,seed=265").unwrap();
-    let make = || land.tin().max_error(10.0).tile(32).drop_redundant(false);
+    let make = || land.tin().max_error(10.0).tile(32).drop(false);
     let tin = make().min_angle(26.5).build().unwrap();
     let told = tin.unmet().unwrap();
     assert!(told.starts_with("1 triangles have a smaller angle than 26.5 degrees"), "{told}");
@@ -159,7 +159,9 @@ fn what_makes_no_sense_is_refused() {
     assert!(
         Tin::from_array(&heights, 4, 5).is_err() && Tin::from_array(&heights[..0], 0, 0).is_err()
     );
-    let made = |tin: terrane::TinBuilder<terrane::ArrayGrid<'_>>| tin.build().unwrap_err().kind();
+    let made = |tin: terrane::Job<'_, terrane::TinOptions, terrane::ArrayGrid<'_>>| {
+        tin.build().unwrap_err().kind()
+    };
     let tin = || Tin::from_array(&heights, 4, 4).unwrap();
     assert_eq!(made(tin()), ErrorKind::Usage, "no goal");
     assert_eq!(made(tin().max_error(-1.0)), ErrorKind::Usage);
@@ -266,7 +268,13 @@ fn lines_in_degrees_are_proved_in_metres() {
         .write(path("few.geojson"))
         .unwrap();
     let passed = |metres: f64| {
-        features.verify(path("few.geojson")).metres(metres).run().unwrap().verdict.passed
+        features
+            .verify(path("few.geojson"))
+            .tolerance(terrane::Length::metres(metres))
+            .run()
+            .unwrap()
+            .verdict
+            .passed
     };
     assert!(passed(2000.0) && !passed(200.0));
 }

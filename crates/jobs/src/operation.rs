@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::{Map, Value as Json};
 use terrane_options::{Options, Role, Table, changed, check, check_given, fill, to_map};
 
+use crate::cloud_tin::CloudTinOptions;
 use crate::colours::ColorReliefOptions;
 use crate::contour::ContourOptions;
 use crate::convert::ConvertOptions;
@@ -24,7 +25,7 @@ use crate::relief::{
     TriOptions,
 };
 use crate::sift::Skipped;
-use crate::tiles::TilesOptions;
+use crate::tiles::{CloudTilesOptions, TilesOptions};
 use crate::tin::TinOptions;
 use crate::translate::PointsOptions;
 use crate::{Cancel, Progress, Resources, Silent, memory};
@@ -36,12 +37,14 @@ use terrane_vector as vector;
 /// All operations that write a file, in the order of the help.
 pub const OPERATIONS: &[AnyOperation] = &[
     AnyOperation::divisible::<TinOptions>(),
+    AnyOperation::divisible::<CloudTinOptions>(),
     AnyOperation::of::<ConvertOptions>(),
     AnyOperation::divisible::<GridOptions>(),
     AnyOperation::divisible::<PointsOptions>(),
     AnyOperation::of::<ContourOptions>(),
     AnyOperation::of::<LineOptions>(),
     AnyOperation::divisible::<TilesOptions>(),
+    AnyOperation::of::<CloudTilesOptions>(),
     AnyOperation::of::<SlopeOptions>(),
     AnyOperation::of::<AspectOptions>(),
     AnyOperation::of::<HillshadeOptions>(),
@@ -146,7 +149,7 @@ pub struct Request<'a> {
 pub trait Operation:
     Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> + Has<Self::Input>
 {
-    /// Its name, which is that of its verb, with dashes.
+    /// Its name, which is that of its verb, with dashes; behind `cloud-` where the verb makes the same of grids.
     const NAME: &'static str;
     /// How what it reads is read.
     type Input: Input;
@@ -158,11 +161,6 @@ pub trait Operation:
     /// True where the output is a folder.
     fn is_folder(&self) -> bool {
         Self::WRITES == Writes::Tiles
-    }
-
-    /// True where bands of a grid may be colours.
-    fn takes_colours(&self) -> bool {
-        false
     }
 
     /// What can be known to be wrong before the grid is opened, beside ranges and rules of the options.
@@ -418,7 +416,7 @@ impl<O: Options + Has<Resources>, S> Job<'_, O, S> {
     /// Usage: a name of no option, a value that is none, options that do not go together.
     pub fn with_named(self, given: &Map<String, Json>) -> Result<Self> {
         let mut all = changed(&self.options);
-        all.extend(given.clone());
+        all.extend(given.clone().into_iter().filter(|(_, value)| !value.is_null()));
         let options = filled(&all, given)?;
         Ok(Self { options, ..self })
     }

@@ -15,6 +15,7 @@ use crate::plan::{DiskCheck, as_text};
 use crate::tiles::CloudTilesOptions;
 use crate::transform::Transform;
 use crate::translate::PointsOptions;
+use crate::verify::{CloudMeshProof, CloudTilesProof};
 use crate::{Resources, reading};
 pub use codecs::{
     AsFormula, AsNumber, AsText, BoundName, Bounds, Bytes, CellSize, CrsText, FileName, FileSize,
@@ -89,7 +90,7 @@ pub struct PointFilter {
 
 /// How clouds are read
 #[derive(Clone, Debug, PartialEq, Options)]
-#[options(heading = "Points", setters = group, setters_for(GridOptions, PointsOptions, CloudTilesOptions, CloudTinOptions))]
+#[options(heading = "Points", setters = group, setters_for(GridOptions, PointsOptions, CloudTilesOptions, CloudTinOptions, CloudMeshProof, CloudTilesProof))]
 pub struct CloudInput {
     /// Only points within this box, its borders included
     #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds)]

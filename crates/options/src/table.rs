@@ -153,7 +153,9 @@ impl Field {
     /// What was expected, in words.
     pub fn check_text(&self, text: &str) -> Result<(), String> {
         (self.check)(text).map_err(|expected| match (self.range, self.kind) {
-            (Some(range), Kind::Whole) => format!("expected {}", self.expected(&range)),
+            (Some(range), Kind::Whole | Kind::Number) => {
+                format!("expected {}", self.expected(&range))
+            }
             _ => expected,
         })
     }

@@ -10,11 +10,12 @@ use clap::Subcommand;
 use terrane_options::check_given;
 
 use crate::cli::operation::{Frame, Source, take};
-use crate::cli::shared::either::Either;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
+use crate::cli::shared::union::Union;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names};
+use crate::cli::tin;
 use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::CloudTinOptions;
@@ -61,7 +62,7 @@ struct TinArgs {
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
-    options: Either<TinOptions, CloudTinOptions, true>,
+    options: Union<tin::Sources, true>,
     /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]; of a cloud:
     /// most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
     #[arg(long, aliases = ["strip-rows", "cut"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
@@ -77,11 +78,11 @@ impl TinArgs {
             Frame { input, output: folder, given: options.given(), report: None, many, show };
         match many.are_clouds(input)? {
             true => {
-                let options = options.of_cloud(&input[0])?;
+                let options: CloudTinOptions = options.of(&input[0], "a point cloud")?;
                 plan(options, &frame, *task_size, cancel, status::cloud_summary)
             }
             false => {
-                let options = options.of_grid(&input[0])?;
+                let options: TinOptions = options.of(&input[0], "none")?;
                 plan(options, &frame, *task_size, cancel, status::summary)
             }
         }
@@ -129,7 +130,7 @@ fn plan<O: Divisible<Input: Source>>(
 ) -> Result<Outcome> {
     let Frame { input, output, given, many, show, .. } = *frame;
     check_given(&options, given)?;
-    let sifted = take((&mut options, given), input.to_vec(), many)?;
+    let sifted = take::<O, O::Input>((&mut options, given), input.to_vec(), many)?;
     let (inputs, skipped) = (&Inputs::from(sifted.names), sifted.skipped.as_slice());
     let (progress, is_measured) = (show.progress(), false);
     let progress = progress.as_ref();

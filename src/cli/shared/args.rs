@@ -46,11 +46,6 @@ impl Grid {
         Self { bounds: None, ..self.clone() }
     }
 
-    /// The band, if it was named.
-    pub(crate) fn named_band(&self) -> Option<u32> {
-        self.band
-    }
-
     /// Options for opening each file of the grid within `resources`.
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
@@ -63,11 +58,6 @@ impl Grid {
     /// The same with the polygons that the whole grid is clipped to.
     pub(crate) fn clipped(&self, resources: &Resources) -> Result<OpenOptions> {
         self.reading(None).options(resources, cache_beside(resources.memory))
-    }
-
-    /// All files that are read where `files` are those of the grid.
-    pub(crate) fn read_with(&self, files: Vec<String>) -> Vec<String> {
-        files.into_iter().chain(self.clip.clone()).collect()
     }
 
     /// As [`check`](Self::check), for each of `inputs`.

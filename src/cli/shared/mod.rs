@@ -1,10 +1,7 @@
 //! What verbs share: arguments, checks before the work, and ways to tell.
 
 pub(crate) mod args;
-pub(crate) mod bands;
 pub(crate) mod check;
-pub(crate) mod either;
-pub(crate) mod ground;
 pub(crate) mod lists;
 pub(crate) mod many;
 pub(crate) mod names;
@@ -18,6 +15,7 @@ pub(crate) mod say;
 pub(crate) mod system;
 pub(crate) mod tabled;
 pub(crate) mod text;
+pub(crate) mod union;
 pub(crate) mod verb;
 
 pub(crate) use outcome::{NOT_JUDGED, Outcome};

@@ -2,8 +2,7 @@
 
 use terrane_options::Codec;
 
-use crate::jobs::line::Length;
-use crate::jobs::options::{Bounds, Bytes, Finite, FiniteOrNan, LengthText};
+use crate::jobs::options::{Bounds, Bytes, Finite, FiniteOrNan};
 
 /// A value, or what was expected.
 type Parsed<T> = Result<T, String>;
@@ -12,14 +11,6 @@ type Parsed<T> = Result<T, String>;
 /// or without "B" or "iB". Fewer than a megabyte are a unit forgotten.
 pub(crate) fn bytes(text: &str) -> Parsed<u64> {
     Bytes::parse(text)
-}
-
-/// A vertical error bound: zero or more.
-pub(crate) fn tolerance(text: &str) -> Parsed<f64> {
-    match text.trim().parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value.abs()),
-        _ => Err("expected a height of zero or more, in the vertical unit of the data".to_owned()),
-    }
 }
 
 /// A finite number.
@@ -35,11 +26,6 @@ pub(crate) fn finite_or_nan(text: &str) -> Parsed<f64> {
 /// A finite number above zero.
 pub(crate) fn positive(text: &str) -> Parsed<f64> {
     finite(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a number above zero".to_owned())
-}
-
-/// A length such as 0.01, 100m, 2km or 50ft.
-pub(crate) fn length(text: &str) -> Parsed<Length> {
-    LengthText::parse(text)
 }
 
 /// Degrees of a light above the horizon, 1 to 90.
@@ -71,26 +57,6 @@ mod tests {
         }
         for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
             assert!(bytes(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn lengths_have_units() {
-        let of = |text| length(text).map(|l| (l.value, l.unit));
-        assert_eq!(of("0.01"), Ok((0.01, None)));
-        assert_eq!(of("100m"), Ok((100.0, Some(1.0))));
-        assert_eq!(of("2 km"), Ok((2.0, Some(1000.0))));
-        assert_eq!(of("50ft"), Ok((50.0, Some(0.3048))));
-        assert!(["", "m", "-1", "NaN", "1 mile", "inf"].iter().all(|text| of(text).is_err()));
-    }
-
-    #[test]
-    fn tolerances_are_zero_or_more() {
-        assert_eq!(tolerance("0"), Ok(0.0));
-        assert!(tolerance("-0").is_ok_and(|v| v.is_sign_positive()));
-        assert_eq!(tolerance("1.5"), Ok(1.5));
-        for text in ["-1", "nan", "inf", "", "1m", "-1e-300"] {
-            assert!(tolerance(text).is_err(), "{text}");
         }
     }
 

@@ -31,7 +31,7 @@ impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
     fn augment_args(command: Command) -> Command {
         let defaults = to_map(&O::default());
         fields::<O, PLANNED>().fold(command, |command, field| {
-            command.arg(argument(field, &defaults[field.name], None))
+            command.arg(argument(field, &defaults[field.name], field.off.unwrap_or(field.about)))
         })
     }
 
@@ -47,7 +47,10 @@ impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED
             let texts = given(field, matches);
             if !texts.is_empty() {
                 given_names.push(field.name);
-                set(&mut options, field, &texts)?;
+                set_texts(&mut options, field, &texts).map_err(|error| {
+                    let text = Door::CommandLine.spell(&error.to_string()).into_owned();
+                    clap::Error::raw(ErrorKind::ValueValidation, text)
+                })?;
             }
         }
         Ok(Self(options, given_names))
@@ -59,18 +62,6 @@ impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED
     }
 }
 
-/// Gives an option the value of some texts.
-pub(crate) fn set<O: Options>(
-    options: &mut O,
-    field: &'static Field,
-    texts: &[String],
-) -> Result<(), clap::Error> {
-    set_texts(options, field, texts).map_err(|error| {
-        let text = Door::CommandLine.spell(&error.to_string()).into_owned();
-        clap::Error::raw(ErrorKind::ValueValidation, text)
-    })
-}
-
 /// The texts that were given for an option.
 pub(crate) fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> {
     match field.kind {
@@ -80,15 +71,11 @@ pub(crate) fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> 
     }
 }
 
-/// An option as an argument; `of_cloud` is what it is of clouds, where that is another thing.
-pub(crate) fn argument(
-    field: &'static Field,
-    default: &serde_json::Value,
-    of_cloud: Option<&str>,
-) -> Arg {
+/// An option as an argument, with what it is.
+pub(crate) fn argument(field: &'static Field, default: &serde_json::Value, about: &str) -> Arg {
     let long = field.name.replace('_', "-");
     let long = if field.off.is_some() { format!("no-{long}") } else { long };
-    let mut argument = Arg::new(field.name).long(long).help(help(field, default, of_cloud));
+    let mut argument = Arg::new(field.name).long(long).help(help(field, default, about));
     // Not that of arguments before.
     argument = match field.heading {
         "Options" => argument.help_heading(Resettable::Reset),
@@ -172,10 +159,8 @@ fn checked(field: &'static Field) -> ValueParser {
 }
 
 /// What an option means, and its default.
-fn help(field: &Field, default: &serde_json::Value, of_cloud: Option<&str>) -> String {
-    let about = field.off.unwrap_or(field.about);
-    let about = of_cloud.map_or(about.to_owned(), |other| format!("{about}. Of clouds: {other}"));
-    let about = Door::CommandLine.spell(&about).into_owned();
+fn help(field: &Field, default: &serde_json::Value, about: &str) -> String {
+    let about = Door::CommandLine.spell(about).into_owned();
     let default = match (field.default_text, field.shape, field.kind) {
         (Some(words), ..) => Door::CommandLine.spell(words).into_owned(),
         (None, _, Kind::Flag) | (None, Shape::Optional | Shape::Repeated, _) => return about,

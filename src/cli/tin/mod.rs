@@ -11,8 +11,8 @@ pub(crate) use told::{Told, stages};
 use std::path::PathBuf;
 
 use crate::cli::operation::{Frame, Made, Summary, is_replacing, make};
-use crate::cli::shared::either::Either;
 use crate::cli::shared::many::Many;
+use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names};
 use crate::cli::verify;
@@ -21,10 +21,7 @@ use crate::jobs::cloud_tin::CloudTinOptions;
 use crate::jobs::operation::Has;
 use crate::jobs::options::Replacing;
 use crate::jobs::tin::TinOptions;
-use crate::jobs::verify::{
-    AskedBands, CloudVerifyJob, MeshReport, Original, VerifyJob, verify_cloud,
-};
-use crate::jobs::{self, Progress};
+use crate::jobs::verify::{CloudMeshProof, MeshProof, MeshReport, Original, Proof, Written};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
@@ -46,11 +43,20 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Output")]
     verify: bool,
     #[command(flatten)]
-    options: Either<TinOptions, CloudTinOptions>,
+    options: Union<Sources>,
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
     show: args::Show,
+}
+
+/// What meshes are made of.
+#[derive(Clone, Debug)]
+pub(crate) struct Sources;
+
+impl Kinds for Sources {
+    const ALL: &'static [Kind] =
+        &[Kind::of::<TinOptions>("grids"), Kind::of::<CloudTinOptions>("point clouds")];
 }
 
 impl Verb for Args {
@@ -91,63 +97,48 @@ impl Args {
     }
 
     fn of_grid(&self, call: &Call<'_>) -> Result<Outcome> {
-        let mut options = self.options.of_grid(&self.input[0])?;
+        let mut options: TinOptions = self.options.of(&self.input[0], "none")?;
         if self.verify {
             refuse_proof(&options)?;
         }
         let made = make(&mut options, &self.frame(), call)?;
-        let prove = |progress: &dyn Progress| {
-            let bands = options.shared()?.map(|bands| AskedBands {
-                bands: options.bands.clone(),
-                weights: options.weights.clone(),
-                heights: bands.heights(),
-            });
-            let constraints = &options.refinement.constraints;
-            let proof = VerifyJob {
-                mesh: self.output.clone(),
-                raster: made.inputs.clone(),
-                reading: options.grid.clone(),
-                tolerance: Some(made.report.tolerance),
-                bound: None,
-                min_angle: None,
-                keep_points: constraints.keep_points.clone(),
-                breaklines: constraints.breaklines.clone(),
-                bands,
-                resources: options.resources.clone(),
-            };
-            jobs::verify::run(&proof, progress, call.cancel)
+        let proof = MeshProof {
+            max_error: Some(made.report.tolerance),
+            constraints: options.refinement.constraints.clone(),
+            grid: options.grid.clone(),
+            bands: options.bands.clone(),
+            weights: options.weights.clone(),
+            resources: options.resources.clone(),
+            ..MeshProof::default()
         };
-        self.tell((&options, &made), prove, verify::summary)
+        self.tell((&options, &made), &proof, verify::summary, call)
     }
 
     fn of_cloud(&self, call: &Call<'_>) -> Result<Outcome> {
-        let mut options = self.options.of_cloud(&self.input[0])?;
+        let mut options: CloudTinOptions = self.options.of(&self.input[0], "a point cloud")?;
         let made = make(&mut options, &self.frame(), call)?;
-        let prove = |progress: &dyn Progress| {
-            let proof = CloudVerifyJob {
-                mesh: self.output.clone(),
-                inputs: made.inputs.names().to_vec(),
-                options: options.cloud.options(&options.resources)?,
-                tolerance: Some(made.report.tolerance),
-                keep_points: options.constraints.keep_points.clone(),
-                breaklines: options.constraints.breaklines.clone(),
-                resources: options.resources.clone(),
-            };
-            verify_cloud(&proof, progress, call.cancel)
+        let proof = CloudMeshProof {
+            max_error: Some(made.report.tolerance),
+            constraints: options.constraints.clone(),
+            cloud: options.cloud.clone(),
+            resources: options.resources.clone(),
         };
-        self.tell((&options, &made), prove, verify::cloud::summary)
+        self.tell((&options, &made), &proof, verify::cloud::summary, call)
     }
 
     /// Proves what was made, where that is asked for, and tells of both.
-    fn tell<R: Summary, O: Original>(
+    fn tell<R: Summary, O: Original, P: Proof<Report = MeshReport<O>>>(
         &self,
         (options, made): (&impl Has<Replacing>, &Made<R>),
-        prove: impl FnOnce(&dyn Progress) -> Result<MeshReport<O>>,
-        summary: impl FnOnce(&MeshReport<O>) -> String,
+        proof: &P,
+        summary: fn(&MeshReport<O>) -> String,
+        call: &Call<'_>,
     ) -> Result<Outcome> {
+        let Made { report, inputs, skipped, .. } = made;
+        let written = Written { file: self.output.clone(), original: inputs.clone() };
         let progress = self.show.progress();
-        let checked = self.verify.then(|| prove(progress.as_ref())).transpose()?;
-        let Made { report, skipped, .. } = made;
+        let checked = self.verify.then(|| proof.prove(&written, progress.as_ref(), call.cancel));
+        let checked = checked.transpose()?;
         let told = Told { made: report, checked: checked.as_ref(), skipped, unmet: report.unmet() };
         let file = self.report.as_deref().map(|path| (path, is_replacing(options)));
         told.tell((&self.show, file), || report.summary(), summary)

@@ -1,55 +1,8 @@
-//! `terrane verify` on point clouds.
+//! Proofs of meshes of point clouds, for people.
 
-use crate::cli::shared::{Outcome, check, many, points, report, text};
-use crate::cli::verify::args::Args;
+use crate::cli::shared::{points, text};
 use crate::cli::verify::told;
-use crate::cloud as clouds;
-use crate::error::{Error, Result};
-use crate::files::name_of;
-use crate::jobs::Cancel;
-use crate::jobs::input::is_mesh;
-use crate::jobs::sift::Sifted;
-use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, OfCloud, verify_cloud};
-
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let resources = args.machine.resources();
-    let options = args.points.open_options(&args.grid, &resources)?;
-    let Sifted { names, skipped } =
-        args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
-    let args = &Args { source: names, ..args.clone() };
-    let job = job(args)?;
-    let job = CloudVerifyJob { options: args.many.reading(job.options.clone()), ..job };
-    let report = verify_cloud(&job, args.show.progress().as_ref(), cancel)?;
-    let whole = report::WithSkipped { report: &report, skipped: &skipped };
-    told::finish(args, &whole, &report.verdict, || summary(&report))
-}
-
-/// Checks what can be checked without work, and makes the job.
-fn job(args: &Args) -> Result<CloudVerifyJob> {
-    args.grid.refuse_cloud(&args.source[0])?;
-    args.refuse_of_surfaces("this is a point cloud")?;
-    if !is_mesh(&name_of(args.mesh.clone())?)? {
-        return Err(Error::bad_input("is a grid, not a mesh")
-            .in_file(&args.mesh)
-            .remedy("name a mesh, such as one made by `terrane tin`"));
-    }
-    let mesh = vec![name_of(args.mesh.clone())?];
-    let beside = args.keep_points.iter().chain(&args.breaklines).cloned().collect();
-    let read =
-        [clouds::files(&args.source)?, args.grid.clip.clone().into_iter().collect(), beside, mesh]
-            .concat();
-    check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
-    let resources = args.machine.resources();
-    Ok(CloudVerifyJob {
-        mesh: args.mesh.clone(),
-        inputs: args.source.clone(),
-        options: args.points.open_options(&args.grid, &resources)?,
-        tolerance: args.max_error,
-        keep_points: args.keep_points.clone(),
-        breaklines: args.breaklines.clone(),
-        resources,
-    })
-}
+use crate::jobs::verify::{CloudVerifyReport, OfCloud};
 
 /// A proof for people.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {

@@ -1,65 +1,12 @@
-//! `terrane verify` on simplified lines.
+//! Proofs of simplified lines, for people.
 
-use crate::cli::shared::{Outcome, check, report, text};
-use crate::cli::verify::args::Args;
+use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
-use crate::error::{Error, Result};
-use crate::files::{name_of, path_of};
-use crate::jobs::Cancel;
 use crate::jobs::line::Measure;
-use crate::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let job = job(args)?;
-    let report = verify_lines(&job, args.show.progress().as_ref(), cancel)?;
-    told::finish(args, &report, &report.verdict, || summary(&report))
-}
-
-/// Checks what can be checked without work, and makes the job.
-fn job(args: &Args) -> Result<LineVerifyJob> {
-    let [original] = args.source.as_slice() else {
-        return Err(Error::usage("lines are proved against one file")
-            .remedy("name the file that they were made from"));
-    };
-    if args.max_error.is_some() {
-        return Err(Error::usage("--max-error is for meshes, and these are lines")
-            .in_file(&args.mesh)
-            .remedy("pass --tolerance"));
-    }
-    if let Some(option) = args.grid.given() {
-        return Err(Error::usage(format!("{option} is for grids, and these are lines"))
-            .in_file(&args.mesh)
-            .remedy(format!("leave {option} out")));
-    }
-    args.refuse_of_kept("these are lines")?;
-    args.refuse_of_surfaces("these are lines")?;
-    if let Some(option) = args.many.given() {
-        return Err(Error::usage(format!(
-            "{option} is for many files, and lines are proved against one"
-        ))
-        .remedy(format!("leave {option} out")));
-    }
-    args.points.refuse(original)?;
-    check::input(original)?;
-    let read = [name_of(args.mesh.clone())?, original.clone()];
-    check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
-    let original = path_of(original);
-    let lines = &args.lines;
-    Ok(LineVerifyJob {
-        lines: args.mesh.clone(),
-        original: original.into_owned(),
-        layer: lines.layer.clone(),
-        tolerance: lines.tolerance,
-        is_space: lines.metric.is_some(),
-        topology: lines.topology,
-        may_drop: lines.may_drop(),
-        sides: lines.sides.clone(),
-        resources: args.machine.resources(),
-    })
-}
+use crate::jobs::verify::LineVerifyReport;
 
 /// A proof for people: the verdict, what failed, and the figures.
-fn summary(r: &LineVerifyReport) -> String {
+pub(super) fn summary(r: &LineVerifyReport) -> String {
     let verdict = told::in_words(&r.verdict);
     let unit = if r.measure == Measure::Geographic { " m" } else { "" };
     let far = text::number(r.largest_distance);

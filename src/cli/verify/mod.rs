@@ -1,31 +1,80 @@
 //! `terrane verify`: a written mesh is proved against its grid or cloud, simplified lines against their
-//! original, terrain tiles against their grid.
+//! original, terrain tiles against their grid or cloud.
 
-mod args;
 pub(crate) mod cloud;
 mod grid;
 mod line;
 mod tiles;
 mod told;
 
-pub(crate) use args::Args;
 pub(crate) use grid::summary;
 pub(crate) use told::{outcome, tell};
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::Choice;
+use terrane_options::{Choice, Options, check_given};
 
+use crate::cli::operation::{Source, take};
 use crate::cli::shared::many::Many;
+use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, check, lists, many};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report};
 use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
-use crate::files::name_of;
+use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
+use crate::jobs::operation::{Has, read_beside};
+use crate::jobs::options::{CloudInput, GridInput};
+use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tiles::Format;
 use crate::jobs::verify::tiles::is_tiles;
+use crate::jobs::verify::{
+    CloudMeshProof, CloudTilesProof, LineProof, MeshProof, Proof, TilesProof, Written,
+};
+
+/// Prove a mesh against its grid or point cloud, terrain tiles against their grid or cloud, or simplified lines
+/// against their original: error bound, coverage, topology; of lines also features, properties, heights
+/// and points; of tiles also borders, gaps between levels, and which there are. Exits with 1
+/// when a promise is broken, and with 3 when none is known to be, but one could not be judged (such
+/// as the error of a mesh that states no bound). Vertices that are no samples of the grid, or points of the cloud, are a
+/// failure of meshes written by terrane only: the bound of other meshes may hold all the same
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Mesh file, or simplified lines, or a folder of terrain tiles: quantized-mesh with its layer.json, 3D Tiles with its tileset.json
+    mesh: PathBuf,
+    /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
+    /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was
+    /// made with. Or the file that lines were made from
+    #[arg(required = true, value_name = "ORIGINAL", value_parser = names::any())]
+    source: Vec<String>,
+    #[command(flatten)]
+    options: Union<Proofs>,
+    #[command(flatten)]
+    many: many::Many,
+    /// Write the report to this JSON file
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    report: Option<PathBuf>,
+    /// Replace a report that exists
+    #[arg(long, help_heading = "Output")]
+    overwrite: bool,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// What is proved.
+#[derive(Clone, Debug)]
+struct Proofs;
+
+impl Kinds for Proofs {
+    const ALL: &'static [Kind] = &[
+        Kind::of::<MeshProof>(MeshProof::OF),
+        Kind::of::<CloudMeshProof>(CloudMeshProof::OF),
+        Kind::of::<TilesProof>(TilesProof::OF),
+        Kind::of::<CloudTilesProof>(CloudTilesProof::OF),
+        Kind::of::<LineProof>(LineProof::OF),
+    ];
+}
 
 impl Verb for Args {
     const NAME: &'static str = "verify";
@@ -43,17 +92,15 @@ impl Verb for Args {
     }
 }
 
-/// The first set of tiles in a folder that is none itself.
-fn one_of_sets(folder: &Path) -> Option<PathBuf> {
-    let mut sets = Format::names().into_iter().map(|format| folder.join(format.name));
-    sets.find(|set| set.is_dir() && is_tiles(set))
-}
-
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let mesh = name_of(args.mesh.clone())?;
     check::input(&mesh)?;
+    args.source.iter().try_for_each(|name| pipes::refuse_input(name))?;
     if is_tiles(&args.mesh) {
-        return tiles::run(args, cancel);
+        return match args.many.are_clouds(&args.source)? {
+            true => args.prove::<CloudTilesProof, CloudInput>(cancel, tiles::summary),
+            false => args.prove::<TilesProof, GridInput>(cancel, tiles::summary),
+        };
     }
     if let Some(set) = one_of_sets(&args.mesh) {
         return Err(Error::usage("holds sets of tiles of several formats")
@@ -61,20 +108,112 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
             .remedy(format!("name one of them, such as {}", set.display())));
     }
     if !is_mesh(&mesh).unwrap_or(false) && many::are_lines(&args.mesh) {
-        return line::run(args, cancel);
-    }
-    if let Some(option) = args.lines.given() {
-        return Err(Error::usage(format!("{option} is for simplified lines"))
-            .in_file(&args.mesh)
-            .remedy(format!("leave {option} out")));
+        return args.prove_lines(cancel);
     }
     if is_cloud(&mesh) {
-        return Err(args::wrong_way_round("cloud", &mesh, &args.source[0]));
+        return Err(wrong_way_round("cloud", &mesh, &args.source[0]));
     }
     if args.many.are_clouds(&args.source)? {
-        return cloud::run(args, cancel);
+        if !is_mesh(&mesh)? {
+            return Err(no_mesh(&args.mesh));
+        }
+        return args.prove::<CloudMeshProof, CloudInput>(cancel, cloud::summary);
     }
-    args.points.refuse(&args.source[0])?;
-    args.refuse_of_tiles("this is a mesh")?;
-    grid::run(args, cancel)
+    args.source.iter().try_for_each(|grid| check_kinds(&args.mesh, grid))?;
+    args.prove::<MeshProof, GridInput>(cancel, grid::summary)
+}
+
+/// The first set of tiles in a folder that is none itself.
+fn one_of_sets(folder: &Path) -> Option<PathBuf> {
+    let mut sets = Format::names().into_iter().map(|format| folder.join(format.name));
+    sets.find(|set| set.is_dir() && is_tiles(set))
+}
+
+impl Args {
+    /// The options of a proof.
+    fn of<P: Proof>(&self) -> Result<P> {
+        let options = self.options.of(&name_of(self.mesh.clone())?, "none")?;
+        check_given(&options, self.options.given()).map(|()| options)
+    }
+
+    fn prove<P: Proof + Has<I>, I: Source>(
+        &self,
+        cancel: &Cancel,
+        summary: fn(&P::Report) -> String,
+    ) -> Result<Outcome> {
+        let mut options: P = self.of()?;
+        let (given, many) = (self.options.given(), &self.many);
+        let Sifted { names, skipped } =
+            take::<P, I>((&mut options, given), self.source.clone(), many)?;
+        self.check_files(&options, I::files(&names)?)?;
+        self.tell(&options, names, &skipped, cancel, summary)
+    }
+
+    fn prove_lines(&self, cancel: &Cancel) -> Result<Outcome> {
+        let options: LineProof = self.of()?;
+        if let Some(option) = self.many.given() {
+            return Err(Error::usage(format!(
+                "{option} is for many files, and lines are proved against one"
+            ))
+            .remedy(format!("leave {option} out")));
+        }
+        self.source.iter().try_for_each(|original| check::input(original))?;
+        self.check_files(&options, self.source.clone())?;
+        self.tell(&options, self.source.clone(), &[], cancel, line::summary)
+    }
+
+    /// Fails where a file beside the originals is not there, or the report would be one that is read.
+    fn check_files(&self, options: &impl Options, originals: Vec<String>) -> Result<()> {
+        let beside = read_beside(options)?;
+        check::beside(&beside)?;
+        let read = [originals, beside, vec![name_of(self.mesh.clone())?]].concat();
+        check::report(self.report.as_deref(), &read, &[], self.overwrite)
+    }
+
+    /// Does the proof and tells of it as it was asked for.
+    fn tell<P: Proof>(
+        &self,
+        options: &P,
+        originals: Vec<String>,
+        skipped: &[Skipped],
+        cancel: &Cancel,
+        summary: fn(&P::Report) -> String,
+    ) -> Result<Outcome> {
+        let written = Written { file: self.mesh.clone(), original: originals.into() };
+        let found = options.prove(&written, self.show.progress().as_ref(), cancel)?;
+        let proof = report::WithSkipped { report: &found, skipped };
+        if let Some(path) = &self.report {
+            report::write(path, self.overwrite, &proof)?;
+        }
+        let verdict = P::verdict(&found);
+        if !self.show.tell(&proof, || summary(&found))? {
+            tell(verdict);
+        }
+        Ok(outcome(verdict))
+    }
+}
+
+/// Fails unless there is a mesh and a grid, in this order.
+fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
+    let name = name_of(mesh.to_path_buf())?;
+    match (is_mesh(&name)?, is_mesh(raster)?) {
+        (true, false) => Ok(()),
+        (false, true) => Err(wrong_way_round("grid", &name, raster)),
+        (false, false) => Err(no_mesh(mesh)),
+        (true, true) => Err(Error::bad_input("is a mesh, not a grid")
+            .in_file(&path_of(raster))
+            .remedy("name the grid that the mesh was made from")),
+    }
+}
+
+fn no_mesh(path: &Path) -> Error {
+    Error::bad_input("is a grid, not a mesh")
+        .in_file(path)
+        .remedy("name a mesh, such as one made by `terrane tin`")
+}
+
+/// The error of a mesh and its original that have changed places.
+fn wrong_way_round(what: &str, first: &str, second: &str) -> Error {
+    Error::usage(format!("mesh and {what} are the wrong way round"))
+        .remedy(format!("write `terrane verify {second} {first}`"))
 }

@@ -1,29 +1,9 @@
 //! What is told of a proof, whatever it is of.
 
-use serde::Serialize;
-
 use crate::cli::shared::report::{self, Row};
 use crate::cli::shared::{Outcome, say, text};
-use crate::cli::verify::args::Args;
 use crate::door::Door;
-use crate::error::Result;
 use crate::jobs::verify::{MeshReport, Original, Verdict};
-
-/// Tells of a proof as it was asked for.
-pub(super) fn finish(
-    args: &Args,
-    proof: &impl Serialize,
-    verdict: &Verdict,
-    summary: impl FnOnce() -> String,
-) -> Result<Outcome> {
-    if let Some(path) = &args.report {
-        report::write(path, args.overwrite, proof)?;
-    }
-    if !args.show.tell(proof, summary)? {
-        tell(verdict);
-    }
-    Ok(outcome(verdict))
-}
 
 /// Names the broken promises on stderr, and those not judged, for those who asked for no result.
 pub(crate) fn tell(verdict: &Verdict) {

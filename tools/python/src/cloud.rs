@@ -9,12 +9,12 @@ use terrane::{Cancel, CloudInput, Flags, Marks, Progress};
 use terrane_options::{Options, fill};
 
 use crate::error::told;
-use crate::grid::{crs_of, inputs};
+use crate::grid::{crs_of, inputs, prove};
 use crate::mesh::crs_text;
 use crate::operation::{self, options_of};
 use crate::plan::Plan;
 use crate::report::dictionary;
-use crate::work::{Machine, Settings, run, with_machine};
+use crate::work::{Settings, run};
 
 /// A point cloud.
 #[pyclass(frozen, module = "terrane._terrane")]
@@ -112,55 +112,25 @@ impl Cloud {
         Ok(Plan(planned))
     }
 
-    fn plan_tin(
-        &self,
-        py: Python<'_>,
-        folder: PathBuf,
-        max_error: f64,
-        format: Option<String>,
-        cut: Option<u32>,
-        settings: Settings,
-    ) -> PyResult<Plan> {
-        let make = |machine: &Machine| {
-            let mut builder = with_machine!(self.0.tin().max_error(max_error), machine);
-            if let Some(format) = format {
-                builder = builder.format(format);
-            }
-            builder.plan(folder, cut)
-        };
-        run(py, settings, make).map(Plan)
-    }
-
-    fn write_tin<'py>(
-        &self,
-        py: Python<'py>,
-        path: PathBuf,
-        max_error: f64,
-        overwrite: bool,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let make = |machine: &Machine| {
-            let builder = with_machine!(self.0.tin().max_error(max_error), machine);
-            builder.overwrite(overwrite).write(path)
-        };
-        let report = run(py, settings, make)?;
-        dictionary(py, &report)
-    }
-
+    /// The proof of a mesh in a file, with options by name.
     fn verify<'py>(
         &self,
         py: Python<'py>,
         mesh: PathBuf,
-        max_error: Option<f64>,
+        options: &Bound<'_, PyDict>,
         settings: Settings,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let report = run(py, settings, |machine| {
-            let mut builder = with_machine!(self.0.verify(mesh), machine);
-            if let Some(tolerance) = max_error {
-                builder = builder.max_error(tolerance);
-            }
-            builder.run()
-        })?;
-        dictionary(py, &report)
+        prove(py, self.0.verify(mesh), options, settings)
+    }
+
+    /// The same of a folder of terrain tiles.
+    fn verify_tiles<'py>(
+        &self,
+        py: Python<'py>,
+        tiles: PathBuf,
+        options: &Bound<'_, PyDict>,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        prove(py, self.0.verify_tiles(tiles), options, settings)
     }
 }

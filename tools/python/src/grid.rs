@@ -7,11 +7,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use terrane::{
-    Affine, ArrayGrid, ArraySample, Cancel, Crs, ErrorKind, Inputs, Progress, Rect, TinBuilder,
+    Affine, ArrayGrid, ArraySample, Cancel, Crs, ErrorKind, Inputs, Job, Progress, Proof, Rect,
+    TinOptions, Written,
 };
 use terrane_base::door::Door;
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
+use terrane_options::Options;
 
 use crate::array::Elements;
 use crate::error::{exception, told};
@@ -19,7 +21,7 @@ use crate::mesh::{Mesh, crs_text};
 use crate::operation;
 use crate::plan::Plan;
 use crate::report::dictionary;
-use crate::work::{Machine, Settings, run, with_machine};
+use crate::work::{Machine, Settings, run};
 
 /// A grid of heights.
 #[pyclass(frozen, module = "terrane._terrane")]
@@ -33,82 +35,6 @@ struct Reading {
     nodata: Option<f64>,
     clip: Option<PathBuf>,
     water: Option<PathBuf>,
-}
-
-/// What a mesh is to be, as Python has it.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-struct Asked {
-    max_error: Option<f64>,
-    max_vertices: Option<u64>,
-    max_triangles: Option<u64>,
-    bound: String,
-    strict: bool,
-    drop: bool,
-    fit: bool,
-    data_dependent: bool,
-    min_angle: Option<f64>,
-    keep_points: Option<PathBuf>,
-    breaklines: Option<PathBuf>,
-    tile: u32,
-}
-
-impl Asked {
-    fn of<S>(&self, mut builder: TinBuilder<S>) -> terrane::Result<TinBuilder<S>> {
-        let given =
-            [self.max_error.is_some(), self.max_vertices.is_some(), self.max_triangles.is_some()];
-        if given.iter().filter(|given| **given).count() > 1 {
-            let message = "max_error, max_vertices and max_triangles are three goals";
-            return Err(terrane::Error::usage(message).remedy("give one of them"));
-        }
-        if let Some(tolerance) = self.max_error {
-            builder = builder.max_error(tolerance);
-        }
-        if let Some(count) = self.max_vertices {
-            builder = builder.max_vertices(count);
-        }
-        if let Some(count) = self.max_triangles {
-            builder = builder.max_triangles(count);
-        }
-        if let Some(degrees) = self.min_angle {
-            builder = builder.min_angle(degrees);
-        }
-        if let Some(file) = &self.keep_points {
-            builder = builder.keep_points(file);
-        }
-        if let Some(file) = &self.breaklines {
-            builder = builder.breaklines(file);
-        }
-        let bound = self.bound.parse()?;
-        let builder = builder.bound(bound).strict(self.strict).drop_redundant(self.drop);
-        Ok(builder.fit(self.fit).data_dependent(self.data_dependent).tile(self.tile))
-    }
-}
-
-/// The system that an output is to be in, as Python has it.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct System {
-    pub(crate) to_crs: Option<String>,
-    pub(crate) shift_grid: Option<PathBuf>,
-    pub(crate) geoid: Option<PathBuf>,
-}
-
-/// Gives a builder what `system` says.
-macro_rules! with_system {
-    ($builder:expr, $system:expr) => {{
-        let ($crate::grid::System { to_crs, shift_grid, geoid }, mut builder) = ($system, $builder);
-        if let Some(target) = to_crs {
-            builder = builder.to_crs(target);
-        }
-        if let Some(file) = shift_grid {
-            builder = builder.shift_grid(file);
-        }
-        if let Some(file) = geoid {
-            builder = builder.geoid(file);
-        }
-        builder
-    }};
 }
 
 /// The inputs that names stand for.
@@ -226,88 +152,41 @@ impl Grid {
         Ok(PyArray1::from_vec(py, told(py, heights)?))
     }
 
-    fn tin(&self, py: Python<'_>, asked: Asked, settings: Settings) -> PyResult<Mesh> {
-        let make = |machine: &Machine| with_machine!(asked.of(self.0.tin())?, machine).build();
+    /// A mesh in memory, with options by name.
+    fn tin(
+        &self,
+        py: Python<'_>,
+        options: &Bound<'_, PyDict>,
+        settings: Settings,
+    ) -> PyResult<Mesh> {
+        let options = told(py, operation::options_of(TinOptions::TABLE, options)?)?;
+        let make = |machine: &Machine| {
+            let job = self.0.tin().with_named(&options)?;
+            job.progress(machine.progress.clone()).cancel(&machine.cancel).build()
+        };
         run(py, settings, make).map(Mesh::from)
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn write_tin<'py>(
-        &self,
-        py: Python<'py>,
-        path: PathBuf,
-        asked: Asked,
-        format: Option<String>,
-        split: Option<u32>,
-        system: System,
-        overwrite: bool,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let report = run(py, settings, |machine| {
-            let builder = with_machine!(asked.of(self.0.tin())?, machine).overwrite(overwrite);
-            let mut builder = with_system!(builder, system);
-            if let Some(format) = format {
-                builder = builder.format(format);
-            }
-            if let Some(tiles) = split {
-                builder = builder.split(tiles);
-            }
-            builder.write(path)
-        })?;
-        dictionary(py, &report)
-    }
-
-    fn plan_tin(
-        &self,
-        py: Python<'_>,
-        folder: PathBuf,
-        asked: Asked,
-        format: Option<String>,
-        cut: Option<u32>,
-        settings: Settings,
-    ) -> PyResult<Plan> {
-        let plan = run(py, settings, |machine| {
-            let mut builder = with_machine!(asked.of(self.0.tin())?, machine);
-            if let Some(format) = format {
-                builder = builder.format(format);
-            }
-            builder.plan(folder, cut)
-        })?;
-        Ok(Plan(plan))
-    }
-
-    #[allow(clippy::too_many_arguments)]
+    /// The proof of a mesh in a file, with options by name.
     fn verify<'py>(
         &self,
         py: Python<'py>,
         mesh: PathBuf,
-        max_error: Option<f64>,
-        bound: Option<String>,
-        min_angle: Option<f64>,
-        keep_points: Option<PathBuf>,
-        breaklines: Option<PathBuf>,
+        options: &Bound<'_, PyDict>,
         settings: Settings,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let report = run(py, settings, |machine| {
-            let mut builder = with_machine!(self.0.verify(mesh), machine);
-            if let Some(tolerance) = max_error {
-                builder = builder.max_error(tolerance);
-            }
-            if let Some(bound) = bound {
-                builder = builder.bound(bound.parse()?);
-            }
-            if let Some(degrees) = min_angle {
-                builder = builder.min_angle(degrees);
-            }
-            if let Some(file) = keep_points {
-                builder = builder.keep_points(file);
-            }
-            if let Some(file) = breaklines {
-                builder = builder.breaklines(file);
-            }
-            builder.run()
-        })?;
-        dictionary(py, &report)
+        prove(py, self.0.verify(mesh), options, settings)
+    }
+
+    /// The same of a folder of terrain tiles.
+    fn verify_tiles<'py>(
+        &self,
+        py: Python<'py>,
+        tiles: PathBuf,
+        options: &Bound<'_, PyDict>,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        prove(py, self.0.verify_tiles(tiles), options, settings)
     }
 
     /// Runs an operation by its name, with options by theirs.
@@ -360,6 +239,21 @@ impl Grid {
             None => Ok(grid),
         }
     }
+}
+
+/// Does a proof with options by name.
+pub(crate) fn prove<'py, O: Proof>(
+    py: Python<'py>,
+    job: Job<'_, O, Written>,
+    options: &Bound<'_, PyDict>,
+    settings: Settings,
+) -> PyResult<Bound<'py, PyAny>> {
+    let options = told(py, operation::options_of(O::TABLE, options)?)?;
+    let report = run(py, settings, |machine| {
+        let job = job.with_named(&options)?;
+        job.progress(machine.progress.clone()).cancel(&machine.cancel).run()
+    })?;
+    dictionary(py, &report)
 }
 
 /// An error of the usage of Python's own options.

@@ -57,6 +57,7 @@ use terrane_cloud::{self as cloud, Census, OpenOptions, PointSource};
 use terrane_delaunay::Hull;
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_mesh::{self as mesh, MeshFormat, MeshSink, check_prj, write_prj};
+use terrane_raster::Inputs;
 
 /// Most points of a region, unless a single square holds more.
 const REGION_POINTS: u64 = 1 << 17;
@@ -64,7 +65,7 @@ const REGION_POINTS: u64 = 1 << 17;
 #[derive(Clone, Debug)]
 pub struct CloudTinJob {
     /// Files, folders, patterns or lists.
-    pub inputs: Vec<String>,
+    pub inputs: Inputs,
     /// Which points are wanted, and how they are read.
     pub options: OpenOptions,
     /// Mesh file to write.
@@ -89,9 +90,14 @@ pub struct CloudTinJob {
 
 impl CloudTinJob {
     /// A job without anything to keep.
-    pub fn new(inputs: Vec<String>, output: PathBuf, tolerance: f64, resources: Resources) -> Self {
+    pub fn new(
+        inputs: impl Into<Inputs>,
+        output: PathBuf,
+        tolerance: f64,
+        resources: Resources,
+    ) -> Self {
         Self {
-            inputs,
+            inputs: inputs.into(),
             options: OpenOptions { threads: resources.threads, ..OpenOptions::default() },
             output,
             format: None,
@@ -103,6 +109,11 @@ impl CloudTinJob {
             measure: false,
             resources,
         }
+    }
+
+    /// What the user calls the inputs.
+    fn label(&self) -> String {
+        self.inputs.label().map_or_else(|| self.inputs.names().join(" "), str::to_owned)
     }
 
     /// Fails for a tolerance that is none.
@@ -221,7 +232,7 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     job.check()?;
     refuse_existing(&job.output, job.overwrite)?;
     let format = job.format()?;
-    let source = cloud::source(&job.inputs, &job.options)?;
+    let source = cloud::source(job.inputs.names(), &job.options)?;
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
@@ -240,7 +251,7 @@ pub(super) fn make(
     most: u64,
     at: At<'_>,
 ) -> Result<CloudTinReport> {
-    let ready = Ready::new((job, &job.inputs.join(" ")), source, features, format)?;
+    let ready = Ready::new((job, &job.label()), source, features, format)?;
     let (kept, mut clock) = (&ready.kept, Clock::default());
     let points = PointStore::fill(source, ready.tiling(), &ready.filling(at))?;
     clock.lap("read", points.census().read);

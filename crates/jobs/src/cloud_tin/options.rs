@@ -64,7 +64,7 @@ impl CloudTinOptions {
     fn unread(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
         let none = || Error::usage("no target given").remedy("pass ‹max_error›");
         Ok(CloudTinJob {
-            inputs: inputs.names().to_vec(),
+            inputs: inputs.clone(),
             options: OpenOptions::default(),
             output: output.to_path_buf(),
             format: self.file.format.clone(),
@@ -81,7 +81,7 @@ impl CloudTinOptions {
 }
 
 impl Operation for CloudTinOptions {
-    const NAME: &'static str = "tin";
+    const NAME: &'static str = "cloud-tin";
     type Input = CloudInput;
     const WRITES: Writes = Writes::Mesh;
     type Report = CloudTinReport;

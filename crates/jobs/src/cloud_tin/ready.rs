@@ -99,8 +99,9 @@ impl<'a> Ready<'a> {
         let info = points.info();
         let bounds = info.bounds.ok_or_else(no_surface)?;
         let kept = features.on_cloud(info, bounds)?;
-        let files = if points.files().is_empty() { &job.inputs } else { points.files() };
-        let source = beside::source(&beside::in_order(files));
+        let files = if points.files().is_empty() { job.inputs.names() } else { points.files() };
+        let source = job.inputs.label().map(str::to_owned);
+        let source = source.unwrap_or_else(|| beside::source(&beside::in_order(files)));
         let mut header = header((job, &source), info, kept.and_heights(bounds), format)?;
         let (placed, notes) =
             job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;

@@ -548,6 +548,12 @@ mod tests {
         for text in ["auto", "2.5"] {
             assert_eq!(read::<Overlap, AsNumber>(text), Some(json!(text)));
         }
+        let of = |text| LengthText::parse(text).map(|length: Length| (length.value, length.unit));
+        assert_eq!(of("0.01"), Ok((0.01, None)));
+        assert_eq!(of("100m"), Ok((100.0, Some(1.0))));
+        assert_eq!(of("2 km"), Ok((2.0, Some(1000.0))));
+        assert_eq!(of("50ft"), Ok((50.0, Some(0.3048))));
+        assert!(["", "m", "-1", "NaN", "1 mile", "inf"].iter().all(|text| of(text).is_err()));
         let length = <PrintLength as Codec<f64>>::parse;
         for (text, millimetres) in
             [("100mm", 100.0), ("100", 100.0), ("12 cm", 120.0), ("4in", 101.6), ("2m", 2000.0)]

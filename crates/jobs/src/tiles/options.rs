@@ -12,6 +12,7 @@ use crate::Resources;
 use crate::grid::GroundFrom;
 use crate::operation::{Divisible, Operation, Request, Writes};
 use crate::options::{AsText, CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
+use crate::verify::CloudTilesProof;
 use terrane_base::error::Result;
 use terrane_raster::Inputs;
 
@@ -127,7 +128,7 @@ const OF_WATER: &[Rule] = &[Rule::Needs("water_mask", &["water"])];
 
 /// The model of the ground of a cloud
 #[derive(Clone, Debug, PartialEq, Options)]
-#[options(heading = "Model of the ground", setters = group, setters_for(CloudTilesOptions))]
+#[options(heading = "Model of the ground", setters = group, setters_for(CloudTilesOptions, CloudTilesProof))]
 pub struct ModelOptions {
     /// Side of a cell of the model of a cloud, or its width and height, in the units of the CRS
     #[option(value = "SIZE", with = CellSize,
@@ -185,7 +186,7 @@ impl Divisible for TilesOptions {
 }
 
 impl Operation for CloudTilesOptions {
-    const NAME: &'static str = "tiles";
+    const NAME: &'static str = "cloud-tiles";
     type Input = CloudInput;
     const WRITES: Writes = Writes::Tiles;
     type Report = TilesReport;

@@ -321,6 +321,10 @@ impl Maker<'_> {
     /// Finds out before the work that the output can be created.
     pub(super) fn check_output(&self) -> Result<()> {
         let Self { job, .. } = self;
+        if job.split.is_some() && job.transform.is_some() {
+            let message = "a mesh in many files keeps to the rows and columns of its grid";
+            return Err(Error::usage(message).remedy("leave one of ‹split› and ‹to_crs› out"));
+        }
         if job.split.is_some() {
             return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
                 .map(drop);

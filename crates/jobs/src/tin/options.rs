@@ -97,10 +97,10 @@ pub struct TinOptions {
     /// Bands that share one mesh, such as 1,2,3 for the colours of a photograph: the error of a sample is the
     /// largest over them of weight x |value - mesh|. The mesh has their values at its vertices; heights are
     /// those of ‹band›, if it is given, and 0 else
-    #[option(value = "N,..", role = Run, heading = "Several bands")]
+    #[option(value = "N,..", range = Range::new(1.0, u32::MAX as f64), role = Run, heading = "Several bands")]
     pub bands: Vec<u32>,
     /// How much an error in each band counts
-    #[option(value = "W,..", role = Run, heading = "Several bands", default_text = "1 each")]
+    #[option(value = "W,..", range = Range::POSITIVE, role = Run, heading = "Several bands", default_text = "1 each")]
     pub weights: Vec<f64>,
     /// Where work is kept.
     #[option(flatten)]
@@ -127,10 +127,9 @@ const OF_GREEDY: &[&str] = &[
 
 const RULES: &[Rule] = &[
     Rule::NotWith("workdir", &["max_vertices", "max_triangles"]),
-    Rule::NotWith("workdir", &["keep_degrees", "size", "scale", "exaggeration", "base"]),
+    Rule::NotWith("workdir", &["base", "keep_degrees", "size", "scale", "exaggeration"]),
     Rule::Needs("base", &["size", "scale"]),
     Rule::NotWith("base", &["co"]),
-    Rule::NotWith("split", &["to_crs"]),
     Rule::NotWith("water", &["min_angle", "fit"]),
     Rule::Needs("weights", &["bands"]),
     Rule::NotWith("bands", &["method", "triangulation"]),
@@ -187,14 +186,16 @@ impl TinOptions {
             return Err(Error::usage(format!("{} has no room for ‹bands›", format.name))
                 .remedy("write PLY, or GLB for three or four bands of 8 bits"));
         }
-        let solid = [("base", self.base.is_some()), ("co", !self.co.is_empty())];
-        match solid.into_iter().find(|(_, is_given)| *is_given && !format.can_be_solid) {
-            Some((option, _)) => {
-                Err(Error::usage(format!("‹{option}› is for STL and 3MF, which can be solids"))
-                    .remedy(format!("write STL or 3MF, or leave ‹{option}› out")))
+        let name = format.name;
+        let (option, message) = match (self.solid_base()?, self.base) {
+            _ if format.can_be_solid => return Ok(format),
+            (None, None) => return Ok(format),
+            (Some(_), _) => ("co", format!("{name} has no option SOLID_BASE")),
+            (None, Some(_)) => {
+                ("base", format!("‹base› is for STL and 3MF, and {name} holds no solids"))
             }
-            None => Ok(format),
-        }
+        };
+        Err(Error::usage(message).remedy(format!("write STL or 3MF, or leave ‹{option}› out")))
     }
 
     /// The height of the bottom of a solid.
@@ -243,10 +244,6 @@ impl Operation for TinOptions {
 
     fn is_folder(&self) -> bool {
         self.split.is_some()
-    }
-
-    fn takes_colours(&self) -> bool {
-        !self.bands.is_empty()
     }
 
     fn check(&self, output: &Path) -> Result<()> {

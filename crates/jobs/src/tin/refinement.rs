@@ -13,6 +13,7 @@ use crate::beside;
 use crate::cloud_tin::CloudTinOptions;
 use crate::kept::Features;
 use crate::options::{BoundName, FileName, TriangulationName};
+use crate::verify::{CloudMeshProof, MeshProof};
 use terrane_base::bound::Bound;
 use terrane_base::error::Result;
 use terrane_base::geom::Affine;
@@ -22,7 +23,7 @@ use terrane_tin::Spec;
 
 /// What stays in a mesh
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
-#[options(heading = "Method", setters = group, setters_for(TinOptions, CloudTinOptions))]
+#[options(heading = "Method", setters = group, setters_for(TinOptions, CloudTinOptions, MeshProof, CloudMeshProof))]
 pub struct Constraints {
     /// Samples or points of a cloud that stay vertices, at their heights: the nearest one to each point of a file of
     /// features, and to each vertex of its lines and polygons, in the system of the grid or cloud

@@ -9,6 +9,7 @@ mod cloud;
 mod found;
 mod header;
 mod lines;
+mod options;
 mod parts;
 mod quality;
 mod report;
@@ -46,6 +47,9 @@ pub use bands::{AskedBands, BandProof};
 pub use cloud::{CloudVerifyJob, CloudVerifyReport, OfCloud, prove_cloud, verify_cloud};
 pub use found::{FaultReport, MeshReport, Original, Verdict};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
+pub use options::{
+    CloudMeshProof, CloudTilesProof, LineProof, MeshProof, Proof, TilesProof, Written,
+};
 pub use quality::{
     Against, AngleReport, AspectReport, Below, DegreeReport, Measured, QualityReport, SlopeReport,
     quality,

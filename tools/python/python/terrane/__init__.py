@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from terrane._operations import (
         aspect,
         chm,
+        cloud_tiles,
         color_relief,
         contour,
         convert,
@@ -53,33 +54,39 @@ if TYPE_CHECKING:
         dtm,
         grid,
         hillshade,
+        plan,
+        plan_cloud_tin,
         plan_grid,
         plan_points,
         plan_tiles,
+        plan_tin,
         points,
         roughness,
         simplify_file,
         slope,
         tiles,
+        tin,
         tpi,
         tri,
+        write_cloud_tin,
+        write_tin,
     )
-    from terrane._plans import Plan, open_plan, plan, plan_cloud_tin
+    from terrane._plans import Plan, open_plan
     from terrane._terrane import __version__
-    from terrane._tin import Report, tin, verify, write_tin
+    from terrane._tin import Report, verify
     from terrane.delatin import Delatin
 
 # Where each name is; a module is imported when a name of it is first asked for.
 _WHERE = {
-    "_clouds": "GridResult verify_cloud write_cloud_tin",
+    "_clouds": "GridResult verify_cloud",
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
     "_lines": "Lines simplify",
     "_mesh": "Mesh",
-    "_operations": "aspect chm color_relief contour convert curvature dsm dtm grid hillshade plan_grid plan_points plan_tiles points "
-    "roughness simplify_file slope tiles tpi tri",
-    "_plans": "Plan open_plan plan plan_cloud_tin",
+    "_operations": "aspect chm cloud_tiles color_relief contour convert curvature dsm dtm grid hillshade plan plan_cloud_tin plan_grid plan_points plan_tiles plan_tin points "
+    "roughness simplify_file slope tiles tin tpi tri write_cloud_tin write_tin",
+    "_plans": "Plan open_plan",
     "_terrane": "__version__",
-    "_tin": "Report tin verify write_tin",
+    "_tin": "Report verify",
     "delatin": "Delatin",
 }
 _MODULES = {name: module for module, names in _WHERE.items() for name in names.split()}
@@ -115,6 +122,7 @@ __all__ = [
     "__version__",
     "aspect",
     "chm",
+    "cloud_tiles",
     "color_relief",
     "contour",
     "convert",
@@ -129,6 +137,7 @@ __all__ = [
     "plan_grid",
     "plan_points",
     "plan_tiles",
+    "plan_tin",
     "points",
     "roughness",
     "simplify",

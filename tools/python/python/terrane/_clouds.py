@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from terrane import _beside, _terrane
 from terrane._errors import refuse_existing, usage
 from terrane._mesh import Mesh
-from terrane._numbers import needed, number
+from terrane._numbers import number
 from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
 from terrane._tin import Report
@@ -189,34 +189,6 @@ def unpacked(file: bytes, report: dict[str, Any]) -> GridResult:
     with open(os.path.join(folder.name, "grid.tif"), "wb") as new:
         new.write(file)
     return GridResult(folder, report)
-
-
-def write_cloud_tin(
-    points: Any,
-    path: Path,
-    max_error: float,
-    *,
-    overwrite: bool = False,
-    threads: int | None = None,
-    memory: int | str | None = None,
-    progress: Any = None,
-    **reading: Any,
-) -> dict[str, Any]:
-    """Writes a mesh of points, none of them further from it, vertically, than `max_error`. Further options choose points, as
-    those of `grid` do: `classes`, `where`, `bounds`, `clip` and others. Returns what `terrane tin --json` tells.
-
-    >>> import os, tempfile, terrane
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = os.path.join(folder, "mesh.ply")
-    ...     told = terrane.write_cloud_tin("synth:cloud,size=60,density=2", path, 0.5, classes=[2])
-    ...     terrane.verify_cloud(path, "synth:cloud,size=60,density=2", classes=[2]).ok
-    True
-    """
-    refuse_existing(os.fspath(path), overwrite)
-    error = needed("max_error", max_error)
-    with clipped(points, reading) as cloud:
-        run = settings(threads, memory, progress)
-        return cloud.write_tin(os.fspath(path), error, overwrite, run)
 
 
 def verify_cloud(

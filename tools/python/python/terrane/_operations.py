@@ -19,13 +19,14 @@ from terrane import _beside, _terrane
 from terrane._clouds import OPENING, GridResult, cloud_of
 from terrane._errors import refuse_existing, usage
 from terrane._lines import Lines, sorted_lines
+from terrane._mesh import Mesh
 from terrane._numbers import number
 from terrane._plans import Plan
 from terrane._settings import Path, settings
 from terrane._source import crs_text, opened
 
 # Features beside what is read, which may be in memory.
-BESIDE = ("clip", "water")
+BESIDE = ("clip", "water", "keep_points", "breaklines")
 # What says how the grid is read, with what only Python has; all else is an option of the operation.
 SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
 OF_SOURCE = {
@@ -34,7 +35,7 @@ OF_SOURCE = {
     "progress": "A function of the stage, what is done and the total, or tqdm",
 }
 # What Python has in place of texts.
-TYPES = {"crs": "Any", "band": "int | None", "clip": "Features | None", "water": "Features | None", "to_crs": "Any", "output": "Path | None"}
+TYPES = {"crs": "Any", "band": "int | None", "clip": "Features | None", "water": "Features | None", "keep_points": "Features | None", "breaklines": "Features | None", "to_crs": "Any", "output": "Path | None"}
 
 
 @cache
@@ -55,10 +56,10 @@ def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, An
 
 @contextmanager
 def ready(
-    name: str, src: Any, options: dict[str, Any], output: str | None
+    name: str, src: Any, options: dict[str, Any], output: str | None, is_plan: bool = False
 ) -> Iterator[tuple[Any, Any]]:
     """What an operation reads (nothing of features), where its options are right; what only Python has is taken out of
-    them. There is no output of a plan, whose files have to stay."""
+    them. Nothing without an output is written but plans, and these need files that stay."""
     reads = tables()[name]["reads"]
     # What can be looked at once is looked at twice.
     options |= {key: list(value) for key, value in options.items() if isinstance(value, Iterator)}
@@ -69,56 +70,74 @@ def ready(
     for key in keys:
         if options.get(key) is not None:
             options[key] = crs_text(options[key])
-    if output is not None:
+    if is_plan:
+        for of in (reading, options):
+            of |= _beside.paths("a plan is run later", **{key: of[key] for key in BESIDE if key in of})
+    else:
         known = {own["name"] for own in tables()[name]["options"]}
         given = {**options, **{key: value for key, value in reading.items() if key in known}}
         held = {key: "held" for key in BESIDE if not _beside.is_path(given.get(key))}
-        refuse_existing(output, options.get("overwrite") is True)
-        _terrane.check_operation(name, {**given, **held}, output)
-    if output is None:
-        of = reading if reads == "grid" else options
-        of |= _beside.paths("a plan is run later", **{key: of[key] for key in BESIDE if key in of})
+        if output is not None:
+            refuse_existing(output, options.get("overwrite") is True)
+        _terrane.check_operation(name, {**given, **held}, output or HELD)
+    features = {key: options.pop(key) for key in BESIDE if key in options}
     if reads == "features":
         yield None, progress
     elif reads == "grid":
-        with opened(src, **reading) as (grid, _):
+        with opened(src, **reading, **features) as (grid, files):
+            options |= {key: files[key] for key in features}
             yield grid, progress
     else:
         cloud = cloud_of(src, {key: options.pop(key) for key in OPENING if key in options})
-        beside = {key: options.pop(key) for key in BESIDE if key in options}
-        with _beside.files(lambda: cloud.info["crs"], **beside) as files:
+        with _beside.files(lambda: cloud.info["crs"], **features) as files:
             options |= files
             yield cloud, progress
 
 
+# What a mesh in memory would be called.
+HELD = "mesh.ply"
+
+
 def written(name: str) -> Callable[..., dict[str, Any]]:
     """The function of an operation that writes a file."""
-    names = ["src", *(own["name"] for own in tables()[name]["options"] if own["positional"]), "path"]
+    needed = ["src", *(own["name"] for own in tables()[name]["options"] if own["positional"]), "path"]
+    names = [*needed, *FIRST.get(name, {})]
 
     def function(*values: Any, **options: Any) -> dict[str, Any]:
         twice = [key for key in names[: len(values)] if key in options]
         given = {**dict(zip(names, values, strict=False)), **options}
-        if twice or len(values) > len(names) or not given.keys() >= set(names):
-            raise usage(f"{called(name)} takes {', '.join(names)} and keywords")
+        if twice or len(values) > len(names) or not given.keys() >= set(needed):
+            raise usage(f"{function.__name__} takes {', '.join(names)} and keywords")
         return run(name, given.pop("src"), given.pop("path"), given)
 
-    return documented(function, name)
+    called_so = WRITTEN.get(name, called(name))
+    return documented(function, name, called_so, parameters(name, is_file=True))
 
 
 def planned(name: str) -> Callable[..., Plan]:
     """The function that plans an operation."""
 
-    def function(src: Any, folder: Path, **options: Any) -> Plan:
-        options = with_cells({**FIRST.get(name, {}), **options})
+    first = FIRST.get(name, {})
+
+    def function(src: Any, folder: Path, *values: Any, **options: Any) -> Plan:
+        named = dict(zip(first, values, strict=False))
+        if len(values) > len(first) or named.keys() & options.keys():
+            raise usage(f"{function.__name__} takes src, folder, {', '.join(first)} and keywords")
+        options = with_cells({**first, **named, **options})
         task_size = number("task_size", options.pop("task_size", None))
-        with ready(name, src, options, None) as (source, progress):
+        with ready(name, src, options, None, is_plan=True) as (source, progress):
             return Plan(source.plan(name, os.fsdecode(folder), options, task_size, progress))
 
-    function.__name__ = function.__qualname__ = f"plan_{called(name)}"
+    function.__name__ = function.__qualname__ = planned_name(name)
     function.__module__ = __name__
     function.__signature__ = inspect.Signature(planned_parameters(name))  # type: ignore[attr-defined]
     function.__doc__ = planned_documentation(name)
     return function
+
+
+def planned_name(name: str) -> str:
+    """The function that plans an operation."""
+    return f"plan_{name.replace('-', '_')}"
 
 
 def planned_parameters(name: str) -> list[inspect.Parameter]:
@@ -129,8 +148,9 @@ def planned_parameters(name: str) -> list[inspect.Parameter]:
     names = [kinds("src", kinds.POSITIONAL_OR_KEYWORD, annotation="Any")]
     names.append(kinds("folder", kinds.POSITIONAL_OR_KEYWORD, annotation="Path"))
     size = kinds("task_size", kinds.KEYWORD_ONLY, default=None, annotation="int | None")
-    places = [own.replace(kind=kinds.KEYWORD_ONLY) for own in parameters(name)[1:] if own.name in ("cell", "stat")]
-    return [*names, *places, size, *(own for own in kept if own.name != "output")]
+    first = FIRST.get(name, {})
+    names += [own for own in parameters(name) if own.name in first]
+    return [*names, size, *(own for own in kept if own.name not in ("output", *first))]
 
 
 def planned_documentation(name: str) -> str:
@@ -187,6 +207,17 @@ def with_cells(options: dict[str, Any]) -> dict[str, Any]:
 def is_asked(value: Any) -> bool:
     """True for the value of an option that asks for something."""
     return value is not None and value is not False
+
+
+def tin(
+    src: Any, max_error: float | None = None, *, output: Any = None, **options: Any
+) -> Mesh | dict[str, Any]:
+    """A mesh in memory, unless there is an output."""
+    options["max_error"] = max_error
+    if output is not None:
+        return run("tin", src, output, options)
+    with ready("tin", src, options, None) as (grid, progress):
+        return Mesh(grid.tin(options, progress))
 
 
 # What grids in memory do not have.
@@ -253,7 +284,12 @@ def chm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -
 
 def called(name: str) -> str:
     """The function of an operation. That which takes geometries is called `simplify`."""
-    return {"simplify": "simplify_file"}.get(name, name.replace("-", "_"))
+    own = {"simplify": "simplify_file", "cloud-tin": "write_cloud_tin"}
+    return own.get(name, name.replace("-", "_"))
+
+
+# Functions that write what others keep in memory.
+WRITTEN = {"tin": "write_tin"}
 
 
 def keyword_of(option: dict[str, Any]) -> str:
@@ -263,11 +299,19 @@ def keyword_of(option: dict[str, Any]) -> str:
 
 
 # Parameters before others, of functions whose result may stay in memory, and their defaults.
-FIRST: dict[str, dict[str, Any]] = {"contour": {"interval": None}, "grid": {"cell": CELL, "stat": None}}
+FIRST: dict[str, dict[str, Any]] = {
+    "cloud-tin": {"max_error": None},
+    "contour": {"interval": None},
+    "grid": {"cell": CELL, "stat": None},
+    "tin": {"max_error": None},
+}
+# What functions return that keep their result in memory where there is no output.
+RESULTS = {"contour": "Lines", "grid": "GridResult", "tin": "Mesh"}
 
 
-def parameters(name: str) -> list[inspect.Parameter]:
-    """The parameters of the function of an operation: the source, names, and keywords."""
+def parameters(name: str, is_file: bool = False) -> list[inspect.Parameter]:
+    """The parameters of the function of an operation, or of that which writes its result into a file always: the source,
+    names, and keywords."""
     kinds = inspect.Parameter
     options = {keyword_of(option): option for option in tables()[name]["options"]}
 
@@ -282,22 +326,28 @@ def parameters(name: str) -> list[inspect.Parameter]:
     found = [kinds(name, kinds.POSITIONAL_OR_KEYWORD, annotation="Any") for name in ["src", *names]]
     for key in names:
         del options[key]
-    if name in FIRST:
-        for key, default in FIRST[name].items():
-            found.append(parameter(key, kinds.POSITIONAL_OR_KEYWORD).replace(default=default))
-        found.append(parameter("output", kinds.KEYWORD_ONLY))
-    else:
+    is_held = name in RESULTS and not is_file
+    if not is_held:
         found.append(kinds("path", kinds.POSITIONAL_OR_KEYWORD, annotation="Path"))
+    for key, default in FIRST.get(name, {}).items():
+        found.append(parameter(key, kinds.POSITIONAL_OR_KEYWORD).replace(default=default))
+    if is_held:
+        found.append(parameter("output", kinds.KEYWORD_ONLY))
     found += [parameter(key, kinds.KEYWORD_ONLY) for key in list(options)]
     more = OF_SOURCE if tables()[name]["reads"] == "grid" else ["progress"]
     return found + [parameter(key, kinds.KEYWORD_ONLY) for key in more]
 
 
-def documented(function: Any, name: str) -> Any:
+def documented(
+    function: Any,
+    name: str,
+    called_so: str | None = None,
+    signature: list[inspect.Parameter] | None = None,
+) -> Any:
     """The function with its name, signature and documentation."""
-    function.__name__ = function.__qualname__ = called(name)
+    function.__name__ = function.__qualname__ = called_so or called(name)
     function.__module__ = __name__
-    function.__signature__ = inspect.Signature(parameters(name))
+    function.__signature__ = inspect.Signature(signature or parameters(name))
     function.__doc__ = documentation(name)
     return function
 
@@ -315,10 +365,6 @@ def documentation(name: str) -> str:
     return "\n".join([*lines, "", textwrap.dedent(EXAMPLES.get(name, "")), ""])
 
 
-# What functions return that keep their result in memory where there is no output.
-RESULTS = {"contour": "Lines", "grid": "GridResult"}
-
-
 def stub() -> str:
     """The text of `_operations.pyi`."""
     lines = [
@@ -329,6 +375,7 @@ def stub() -> str:
         "",
         "from terrane._clouds import GridResult",
         "from terrane._lines import Lines",
+        "from terrane._mesh import Mesh",
         "from terrane._plans import Plan",
         "from terrane._settings import Features, Path",
         "",
@@ -336,8 +383,11 @@ def stub() -> str:
     ]
     for name, table in tables().items():
         lines += signatures(called(name), parameters(name), RESULTS.get(name))
+        if name in WRITTEN:
+            lines += signature(WRITTEN[name], parameters(name, is_file=True), "dict[str, Any]")
         if table["task_size"] is not None:
-            lines += signature(f"plan_{called(name)}", planned_parameters(name), "Plan")
+            lines += signature(planned_name(name), planned_parameters(name), "Plan")
+    lines += signature("plan", planned_parameters("tin"), "Plan")
     for name in ("dtm", "dsm", "chm"):
         own = [own for own in parameters("grid") if own.name not in ("dtm", "dsm", "chm", "stat")]
         lines += signatures(name, own, "GridResult")
@@ -371,6 +421,35 @@ def signature(name: str, found: list[inspect.Parameter], result: str) -> list[st
 
 
 EXAMPLES = {
+    "tin": """
+        >>> import numpy as np, os, tempfile, terrane
+        >>> row, col = np.mgrid[0:100, 0:200]
+        >>> mesh = terrane.tin(np.sin(row / 20) * col / 10, max_error=0.1)
+        >>> len(mesh.vertices) < 800 and mesh.error <= 0.1
+        True
+        >>> terrane.tin("synth:rough,size=257", max_vertices=500).crs
+        'EPSG:32631'
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "mesh.ply")
+        ...     report = terrane.write_tin("synth:rough,size=257", path, max_error=5.0)
+        ...     report["vertices"] < 257 * 257, terrane.verify(path, "synth:rough,size=257").ok
+        (True, True)
+    """,
+    "cloud-tin": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "mesh.ply")
+        ...     told = terrane.write_cloud_tin("synth:cloud,size=60,density=2", path, 0.5, classes=[2])
+        ...     terrane.verify_cloud(path, "synth:cloud,size=60,density=2", classes=[2]).ok
+        True
+    """,
+    "cloud-tiles": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     made = terrane.cloud_tiles("synth:cloud,size=60", os.path.join(folder, "tiles"), cell=2.0, max_level=12)
+        ...     all(level["error"] <= level["tolerance"] for level in made["levels"])
+        True
+    """,
     "grid": """
         >>> import numpy as np, terrane
         >>> points = np.random.default_rng(1).uniform(0, 100, size=(5000, 3))
@@ -414,6 +493,24 @@ EXAMPLES = {
 
 # Examples of plans.
 PLANS = {
+    "tin": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     work, mesh = (os.path.join(folder, name) for name in ("work", "mesh.ply"))
+        ...     plan = terrane.plan_tin("synth:rough,size=300", work, max_error=5.0, tile=64, task_size=2)
+        ...     done = plan.run(output=mesh)
+        ...     terrane.verify(mesh, "synth:rough,size=300").ok, plan.status()["to_do"]
+        (True, [])
+    """,
+    "cloud-tin": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     work, mesh = (os.path.join(folder, name) for name in ("work", "mesh.ply"))
+        ...     plan = terrane.plan_cloud_tin("synth:cloud,size=60,density=2", work, 0.5)
+        ...     done = plan.run(output=mesh)
+        ...     terrane.verify_cloud(mesh, "synth:cloud,size=60,density=2").ok, plan.status()["to_do"]
+        (True, [])
+    """,
     "grid": """
         >>> import os, tempfile, terrane
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -436,12 +533,16 @@ PLANS = {
 }
 
 documented(contour, "contour")
+documented(tin, "tin")
 documented(grid, "grid")
 convert = written("convert")
 points = written("points")
+cloud_tiles = written("cloud-tiles")
+plan_cloud_tin = planned("cloud-tin")
 plan_grid = planned("grid")
 plan_points = planned("points")
 plan_tiles = planned("tiles")
+plan = plan_tin = planned("tin")
 simplify_file = written("simplify")
 slope = written("slope")
 aspect = written("aspect")
@@ -452,3 +553,5 @@ roughness = written("roughness")
 tiles = written("tiles")
 tpi = written("tpi")
 tri = written("tri")
+write_cloud_tin = written("cloud-tin")
+write_tin = written("tin")

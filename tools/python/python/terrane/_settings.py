@@ -40,22 +40,6 @@ def settings(
     }
 
 
-class System(TypedDict):
-    """Which reference system to write in, as the library takes it."""
-
-    to_crs: str | None
-    shift_grid: str | None
-    geoid: str | None
-
-
-def system(to_crs: Any, shift_grid: Path | None = None, geoid: Path | None = None) -> System:
-    """A system from the arguments that functions have for it: a text, or what writes itself as one (`to_wkt`)."""
-    from terrane._source import crs_text
-
-    shifts, heights = (None if file is None else os.fspath(file) for file in (shift_grid, geoid))
-    return {"to_crs": crs_text(to_crs), "shift_grid": shifts, "geoid": heights}
-
-
 def told_by(progress: Any) -> Progress | None:
     """A function to tell of progress."""
     if progress is None or progress is False:

@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from terrane._settings import Settings, System
+from terrane._settings import Settings
 
 __all__ = [
     "__version__",
@@ -41,25 +41,7 @@ class Grid:
     @property
     def notes(self) -> list[tuple[str, str]]: ...
     def heights(self) -> NDArray[np.float64]: ...
-    def tin(self, asked: dict[str, Any], settings: Settings) -> Mesh: ...
-    def write_tin(
-        self,
-        path: str,
-        asked: dict[str, Any],
-        format: str | None,
-        split: int | None,
-        system: System,
-        overwrite: bool,
-        settings: Settings,
-    ) -> dict[str, Any]: ...
-    def plan_tin(
-        self,
-        folder: str,
-        asked: dict[str, Any],
-        format: str | None,
-        cut: int | None,
-        settings: Settings,
-    ) -> Plan: ...
+    def tin(self, options: dict[str, Any], settings: Settings) -> Mesh: ...
     def verify(
         self,
         mesh: str,
@@ -134,17 +116,6 @@ class Cloud:
         task_size: int | None,
         settings: Settings,
     ) -> Plan: ...
-    def plan_tin(
-        self,
-        folder: str,
-        max_error: float,
-        format: str | None,
-        cut: int | None,
-        settings: Settings,
-    ) -> Plan: ...
-    def write_tin(
-        self, path: str, max_error: float, overwrite: bool, settings: Settings
-    ) -> dict[str, Any]: ...
     def verify(self, mesh: str, max_error: float | None, settings: Settings) -> dict[str, Any]: ...
 
 @final

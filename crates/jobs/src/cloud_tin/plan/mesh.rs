@@ -132,7 +132,7 @@ pub(super) struct Opened {
 
 impl Opened {
     pub(super) fn new(job: CloudTinJob, label: String) -> Result<Self> {
-        let source = cloud::source(&job.inputs, &job.options)?;
+        let source = cloud::source(job.inputs.names(), &job.options)?;
         Ok(Self { job, label, source })
     }
 
@@ -187,7 +187,7 @@ impl CloudMesh {
     pub(super) fn of(opened: &Opened, cut: Option<u32>, seen: Whole) -> Result<Self> {
         let Opened { job, source, label } = opened;
         let inputs = match source.files() {
-            [] => job.inputs.clone(),
+            [] => job.inputs.names().to_vec(),
             files => files.iter().map(|name| absolute(name)).collect::<Result<_>>()?,
         };
         let (options, max_error) = (job.options.clone(), job.tolerance);

@@ -79,10 +79,10 @@ pub fn plan_cloud_tin(
 /// The same in regions of so many points at the most.
 pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Result<CloudTinStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    refuse_held(&job.inputs)?;
+    refuse_held(job.inputs.names())?;
     refuse_lines(job)?;
     job.check()?;
-    let opened = Opened::new(job.clone(), job.inputs.join(" "))?;
+    let opened = Opened::new(job.clone(), job.label())?;
     let (mesh, needs) = match Plan::<CloudMesh>::there(folder) {
         Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
         None => {

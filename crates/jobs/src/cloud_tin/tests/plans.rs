@@ -15,7 +15,7 @@ fn added(cloud: &str, tolerance: f64, classes: Option<Vec<u8>>) -> [u64; 4] {
     let resources = Resources { threads: 2, ..Resources::default() };
     let mut job = CloudTinJob::new(vec![cloud.to_owned()], whole.clone(), tolerance, resources);
     job.options.filter.classes = classes;
-    let source = cloud::source(&job.inputs, &job.options).unwrap();
+    let source = cloud::source(job.inputs.names(), &job.options).unwrap();
     let format = job.format().unwrap();
     let told = make(&job, &*source, (Features::default(), format), FEW[0], at).unwrap();
     let work = folder.path().join("work");

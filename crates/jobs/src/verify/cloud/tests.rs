@@ -59,7 +59,7 @@ fn made_with(
     name: &str,
 ) -> Box<dyn MeshSource> {
     let job = CloudTinJob {
-        inputs: vec!["few".to_owned()],
+        inputs: "few".into(),
         options: OpenOptions::default(),
         output: folder.join(name),
         format: None,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from terrane._errors import usage
 from terrane._numbers import checked
-from terrane._tin import tin
+from terrane._operations import tin
 
 
 class Delatin:

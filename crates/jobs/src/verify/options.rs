@@ -1,0 +1,342 @@
+//! Options of proofs: of what was written, and what it is held to.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::Serialize;
+use terrane_options::{Options, Range, Rule, check};
+
+use super::tiles::{TilesVerifyJob, TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
+use super::{
+    AskedBands, CloudVerifyJob, CloudVerifyReport, LineVerifyJob, LineVerifyReport, Verdict,
+    VerifyJob, VerifyReport, run, verify_cloud, verify_lines,
+};
+use crate::bands::Bands;
+use crate::line::{Length, Metric};
+use crate::operation::{Has, Job};
+use crate::options::{BoundName, CloudInput, FeatureInput, FileName, GridInput, LengthText};
+use crate::tiles::{GroundModel, ModelOptions};
+use crate::tin::Constraints;
+use crate::{Cancel, Progress, Resources};
+use terrane_base::bound::Bound;
+use terrane_base::error::{Error, Result};
+use terrane_files::path_of;
+use terrane_line::topology::Collapse;
+use terrane_raster::Inputs;
+
+/// A file or folder that was written, and what it was made from.
+#[derive(Clone, Debug)]
+pub struct Written {
+    /// The file or folder.
+    pub file: PathBuf,
+    /// What it was made from.
+    pub original: Inputs,
+}
+
+/// A proof that what was written keeps its promises, by code that shares nothing with what wrote it: a struct of options.
+pub trait Proof: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> {
+    /// What is proved, for people, such as "meshes of grids".
+    const OF: &'static str;
+    /// What is told of it.
+    type Report: Serialize + Send;
+
+    /// The proof of what was written. A broken promise is no error but a report that says so.
+    ///
+    /// # Errors
+    /// What keeps the proof from being done: files that cannot be read, too little memory; cancelled.
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self::Report>;
+
+    /// The verdict of a report.
+    fn verdict(report: &Self::Report) -> &Verdict;
+}
+
+impl<O: Proof> Job<'_, O, Written> {
+    /// Does the proof. A broken promise is no error, but a report: its `verdict` has not `passed`, and its `failures` say
+    /// what and where; `judged` is true when all that is promised was looked at.
+    ///
+    /// # Errors
+    /// Options that do not go together; files that cannot be read or compared; too little memory; cancelled.
+    pub fn run(self) -> Result<O::Report> {
+        self.act(|written, options, progress, cancel| {
+            check(options)?;
+            options.prove(&written, progress, cancel)
+        })
+    }
+}
+
+/// Prove a mesh against the grid it was made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = OF_MESHES)]
+pub struct MeshProof {
+    /// Largest vertical distance allowed
+    #[option(value = "E", range = Range::FROM_ZERO, default_text = "the one the mesh file states")]
+    pub max_error: Option<f64>,
+    /// What the bound is of: samples, or surface for every point of the lines between neighbouring samples as well
+    #[option(value = "WHAT", with = BoundName,
+             default_text = "what the mesh file states; samples, where it states nothing")]
+    pub bound: Option<Bound>,
+    /// The smallest angle that triangles may have in plan, in degrees
+    #[option(value = "DEGREES", range = Range::POSITIVE, default_text = "the one the mesh file states")]
+    pub min_angle: Option<f64>,
+    /// What has to be in it.
+    #[option(flatten)]
+    pub constraints: Constraints,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Bands that the mesh has the values of, such as 1,2,3 for the colours of a photograph; heights are those of ‹band›,
+    /// if it is given
+    #[option(value = "N,..", range = Range::new(1.0, u32::MAX as f64), heading = "Several bands")]
+    pub bands: Vec<u32>,
+    /// How much an error in each band counts
+    #[option(value = "W,..", range = Range::POSITIVE, heading = "Several bands", default_text = "what the mesh states")]
+    pub weights: Vec<f64>,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const OF_MESHES: &[Rule] = &[
+    Rule::Needs("weights", &["bands"]),
+    Rule::NotWith("bands", &["bound=surface", "keep_points", "breaklines", "water"]),
+];
+
+/// Prove a mesh against the point cloud it was made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+pub struct CloudMeshProof {
+    /// Largest vertical distance allowed
+    #[option(value = "E", range = Range::FROM_ZERO, default_text = "the one the mesh file states")]
+    pub max_error: Option<f64>,
+    /// What has to be in it.
+    #[option(flatten)]
+    pub constraints: Constraints,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Prove terrain tiles against the grid they were made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+pub struct TilesProof {
+    /// Heights of the geoid that those of the grid are counted from, as in terrane tiles
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub geoid: Option<String>,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Prove terrain tiles against the point cloud they were made from, by way of a model of its ground
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+pub struct CloudTilesProof {
+    /// Heights of the geoid that those of the cloud are counted from, as in terrane tiles
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub geoid: Option<String>,
+    /// Water of a file of features that was made level
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub water: Option<String>,
+    /// The model of the ground.
+    #[option(flatten)]
+    pub model: ModelOptions,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Prove simplified lines against the file they were made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Lines", setters = own, rules = OF_LINES)]
+pub struct LineProof {
+    /// Largest distance allowed, in units of the data, or with a unit, as in terrane simplify
+    #[option(value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, default_text = "only measure it")]
+    pub tolerance: Option<Length>,
+    /// What a distance is: in x and y, or in x, y and z
+    #[option(value = "NAME")]
+    pub metric: Metric,
+    /// Judge crossings, rings, sides and shared borders, too
+    pub topology: bool,
+    /// Points that had to stay on their side
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub sides: Option<PathBuf>,
+    /// What may have become of rings; drop: those with two vertices whose segment has all others within the tolerance may
+    /// be gone, and their holes with them
+    #[option(value = "HOW", default_text = "nothing may be gone")]
+    pub collapse: Option<Collapse>,
+    /// How the lines are read that they were made from.
+    #[option(flatten)]
+    pub features: FeatureInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const OF_LINES: &[Rule] = &[Rule::Needs("sides", &["topology"])];
+
+impl Proof for MeshProof {
+    const OF: &'static str = "meshes of grids";
+    type Report = VerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<VerifyReport> {
+        let asked = match self.bands.as_slice() {
+            [] => None,
+            bands => Some(AskedBands {
+                heights: Bands::new(bands, &self.weights, self.grid.band)?.heights(),
+                bands: bands.to_vec(),
+                weights: self.weights.clone(),
+            }),
+        };
+        let job = VerifyJob {
+            mesh: written.file.clone(),
+            raster: written.original.clone(),
+            reading: self.grid.clone(),
+            tolerance: self.max_error.map(f64::abs),
+            bound: self.bound,
+            min_angle: self.min_angle,
+            keep_points: self.constraints.keep_points.clone(),
+            breaklines: self.constraints.breaklines.clone(),
+            bands: asked,
+            resources: self.resources.clone(),
+        };
+        run(&job, progress, cancel)
+    }
+
+    fn verdict(report: &VerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for CloudMeshProof {
+    const OF: &'static str = "meshes of point clouds";
+    type Report = CloudVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<CloudVerifyReport> {
+        let job = CloudVerifyJob {
+            mesh: written.file.clone(),
+            inputs: written.original.names().to_vec(),
+            options: self.cloud.options(&self.resources)?,
+            tolerance: self.max_error.map(f64::abs),
+            keep_points: self.constraints.keep_points.clone(),
+            breaklines: self.constraints.breaklines.clone(),
+            resources: self.resources.clone(),
+        };
+        verify_cloud(&job, progress, cancel)
+    }
+
+    fn verdict(report: &CloudVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for TilesProof {
+    const OF: &'static str = "terrain tiles of grids";
+    type Report = TilesVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<TilesVerifyReport> {
+        let job = TilesVerifyJob {
+            tiles: written.file.clone(),
+            raster: written.original.clone(),
+            reading: self.grid.clone(),
+            geoid: self.geoid.clone(),
+            resources: self.resources.clone(),
+        };
+        verify_tiles(&job, progress, cancel)
+    }
+
+    fn verdict(report: &TilesVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for CloudTilesProof {
+    const OF: &'static str = "terrain tiles of point clouds";
+    type Report = TilesVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<TilesVerifyReport> {
+        let job = TilesVerifyJob {
+            tiles: written.file.clone(),
+            raster: Inputs::default(),
+            // Points are within bounds and polygons, and the model is whole.
+            reading: GridInput { water: self.water.clone(), ..GridInput::default() },
+            geoid: self.geoid.clone(),
+            resources: self.resources.clone(),
+        };
+        let cloud = self.cloud.options(&self.resources)?;
+        let model =
+            GroundModel { input: written.original.clone(), cloud, model: self.model.clone() };
+        verify_tiles_of_cloud(&model, &job, progress, cancel)
+    }
+
+    fn verdict(report: &TilesVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for LineProof {
+    const OF: &'static str = "simplified lines";
+    type Report = LineVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<LineVerifyReport> {
+        let [original] = written.original.names() else {
+            return Err(Error::usage("lines are proved against one file")
+                .remedy("name the file that they were made from"));
+        };
+        let job = LineVerifyJob {
+            lines: written.file.clone(),
+            original: path_of(original).into_owned(),
+            layer: self.features.layer.clone(),
+            tolerance: self.tolerance,
+            is_space: self.metric == Metric::Space,
+            topology: self.topology,
+            may_drop: self.collapse == Some(Collapse::Drop),
+            sides: self.sides.clone(),
+            resources: self.resources.clone(),
+        };
+        verify_lines(&job, progress, cancel)
+    }
+
+    fn verdict(report: &LineVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}

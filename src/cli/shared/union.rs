@@ -1,0 +1,128 @@
+//! Options of a verb that takes inputs of several kinds: those of one struct for each, of which the inputs choose one.
+
+use std::marker::PhantomData;
+
+use clap::{ArgMatches, Command};
+use serde_json::{Map, Value};
+use terrane_options::{Field, Options, Role, Table, set_texts, to_map};
+
+use crate::cli::shared::tabled::{argument, given};
+use crate::error::{Error, Result};
+use crate::files::path_of;
+
+/// The options for one kind of inputs.
+pub(crate) struct Kind {
+    table: &'static Table,
+    defaults: fn() -> Map<String, Value>,
+    /// The inputs, such as "grids".
+    of: &'static str,
+}
+
+impl Kind {
+    pub(crate) const fn of<O: Options>(of: &'static str) -> Self {
+        Self { table: O::TABLE, defaults: || to_map(&O::default()), of }
+    }
+}
+
+/// The kinds of inputs that a verb takes.
+pub(crate) trait Kinds: Clone + std::fmt::Debug + Send + Sync + 'static {
+    const ALL: &'static [Kind];
+}
+
+/// The options for all kinds of inputs, each said once, as far as they were given; of a plan those that say something of
+/// the result alone.
+#[derive(Clone, Debug)]
+pub(crate) struct Union<K, const PLANNED: bool = false> {
+    names: Vec<&'static str>,
+    texts: Vec<Vec<String>>,
+    kinds: PhantomData<K>,
+}
+
+/// The options of all kinds, each of the first one that has it.
+fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(&'static Kind, &'static Field)> {
+    let mut found: Vec<(&Kind, &Field)> = Vec::new();
+    for kind in K::ALL {
+        let known = |field: &&Field| found.iter().any(|(_, own)| own.name == field.name);
+        let new = kind.table.fields().into_iter().filter(|field| !known(field));
+        let new: Vec<_> = new.filter(|field| !(PLANNED && field.role == Role::Run)).collect();
+        found.extend(new.into_iter().map(|field| (kind, field)));
+    }
+    found
+}
+
+/// What an option is, where kinds differ in it of each.
+fn about<K: Kinds>(field: &Field) -> String {
+    let mut told = vec![field.off.unwrap_or(field.about)];
+    let mut about = told[0].to_owned();
+    for kind in K::ALL {
+        let other = kind.table.find(field.name).map(|own| own.off.unwrap_or(own.about));
+        if let Some(other) = other.filter(|other| !told.contains(other)) {
+            about += &format!(". Of {}: {other}", kind.of);
+            told.push(other);
+        }
+    }
+    about
+}
+
+impl<K: Kinds, const PLANNED: bool> clap::Args for Union<K, PLANNED> {
+    fn augment_args(command: Command) -> Command {
+        fields::<K, PLANNED>().into_iter().fold(command, |command, (kind, field)| {
+            let default = &(kind.defaults)()[field.name];
+            command.arg(argument(field, default, &about::<K>(field)))
+        })
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl<K: Kinds, const PLANNED: bool> clap::FromArgMatches for Union<K, PLANNED> {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let all =
+            fields::<K, PLANNED>().into_iter().map(|(_, own)| (own.name, given(own, matches)));
+        let (names, texts) = all.filter(|(_, texts)| !texts.is_empty()).unzip();
+        Ok(Self { names, texts, kinds: PhantomData })
+    }
+
+    fn update_from_arg_matches(
+        &mut self,
+        matches: &ArgMatches,
+    ) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
+    /// The names of options that were given.
+    pub(crate) fn given(&self) -> &[&'static str] {
+        &self.names
+    }
+
+    /// The options for an input, which is of the kind that they are of; `what` is what it is.
+    ///
+    /// # Errors
+    /// Usage: an option of other kinds was given.
+    pub(crate) fn of<O: Options>(&self, input: &str, what: &str) -> Result<O> {
+        let mut options = O::default();
+        for (name, texts) in self.names.iter().zip(&self.texts) {
+            let Some(field) = O::TABLE.find(name) else {
+                return Err(refusal::<K>(name, input, what));
+            };
+            set_texts(&mut options, field, texts)?;
+        }
+        Ok(options)
+    }
+}
+
+/// The error of an option of other kinds of inputs.
+fn refusal<K: Kinds>(name: &str, input: &str, what: &str) -> Error {
+    let having = K::ALL.iter().filter_map(|kind| Some((kind.of, kind.table.find(name)?)));
+    let (of, fields): (Vec<_>, Vec<_>) = having.unzip();
+    let off = if fields.iter().any(|field| field.off.is_some()) { "=false" } else { "" };
+    let option = format!("‹{name}{off}›");
+    Error::usage(format!("{option} is for {}, and this is {what}", of.join(" and ")))
+        .in_file(&path_of(input))
+        .remedy(format!("leave {option} out"))
+}
