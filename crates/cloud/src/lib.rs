@@ -32,7 +32,7 @@ pub use filter::{Filter, Flags, Gate, Record, Verdict};
 pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
 pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
-pub use polygon::Polygon;
+pub use polygon::{Polygon, PolygonRings};
 pub use version::LasVersion;
 
 pub use terrane_base::attribute::Return;

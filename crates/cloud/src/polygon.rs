@@ -1,10 +1,11 @@
 //! Polygons that points are cut by, in the coordinates of the cloud.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, plane};
 
 /// Polygons with holes, of one feature or several, which are united: inside of one is where an odd number of its rings goes
@@ -24,45 +25,81 @@ pub struct Polygon {
     /// The edges that touch each band, band by band.
     lists: Vec<u32>,
     /// The file that they are from, and its reference system.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     from: Option<(PathBuf, Crs)>,
 }
 
-/// Most bands: lists of long edges stay short against the edges.
+/// Most bands. There are fewer where long edges would be in the lists of many: no edge is in more than two on average.
 const MOST_BANDS: usize = 1024;
+/// Most edges: places in lists are numbers of 32 bits.
+const MOST_EDGES: usize = (1 << 31) - 1;
 
-impl Polygon {
-    /// Bytes that an edge takes.
-    pub const EDGE_BYTES: u64 = (size_of::<[[f64; 2]; 2]>() + 3 * size_of::<u32>()) as u64;
+/// Rings of which polygons are made.
+#[derive(Clone, Debug, Default)]
+pub struct PolygonRings {
+    edges: Vec<[[f64; 2]; 2]>,
+    features: Vec<u32>,
+    /// Features that were begun.
+    begun: u32,
+}
 
-    /// Of the closed rings of a feature; a ring that ends off its start is closed.
-    pub fn new(rings: &[Vec<[f64; 2]>]) -> Self {
-        Self::united(rings.iter().map(|ring| (0, ring.as_slice())))
+impl PolygonRings {
+    /// Most bytes that an edge takes in polygons, in their own coordinates and in steps of a frame: the edge, its feature,
+    /// two places in lists, and the beginning of a list.
+    pub const EDGE_BYTES: u64 = 2 * (size_of::<[[f64; 2]; 2]>() + 4 * size_of::<u32>()) as u64;
+
+    /// Begins a feature: what follows is inside of it, or a hole in it.
+    ///
+    /// # Errors
+    /// More than 2^32 features.
+    pub fn begin_feature(&mut self) -> Result<()> {
+        let too_many = || Error::limit("number of polygons", "above 2^32", u32::MAX);
+        self.begun = self.begun.checked_add(1).ok_or_else(too_many)?;
+        Ok(())
     }
 
-    /// Of rings of several features, by the numbers of these, which do not fall.
-    pub fn united<'a>(rings: impl IntoIterator<Item = (u32, &'a [[f64; 2]])>) -> Self {
-        let mut edges = Vec::new();
-        for (feature, ring) in rings {
-            let next = ring.iter().cycle().skip(1);
-            let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
-            let upright = pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] });
-            edges.extend(upright.map(|edge| (edge, feature)));
+    /// Adds a ring to the feature begun last; one that ends off its start is closed.
+    ///
+    /// # Errors
+    /// 2^31 edges or more in all.
+    pub fn push(&mut self, ring: &[[f64; 2]]) -> Result<()> {
+        let next = ring.iter().cycle().skip(1);
+        let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
+        self.edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
+        if self.edges.len() > MOST_EDGES {
+            return Err(Error::limit("number of edges of polygons", "2^31 or more", MOST_EDGES)
+                .remedy("simplify them with terrane simplify"));
         }
-        Self::of_edges(edges)
+        self.features.resize(self.edges.len(), self.begun.saturating_sub(1));
+        Ok(())
+    }
+}
+
+impl Polygon {
+    /// Of some rings.
+    pub fn new(rings: PolygonRings) -> Self {
+        Self::of_edges(rings.edges, rings.features)
     }
 
     /// The same polygons in steps of a frame: corners on its points are whole numbers.
     pub fn in_steps(&self, frame: &Frame) -> Self {
         let rulers = [frame.ruler(0), frame.ruler(1)];
         let place = |corner: [f64; 2]| [0, 1].map(|axis| rulers[axis].place(corner[axis]));
-        let edges =
-            self.edges.iter().map(|edge| edge.map(place)).zip(self.features.iter().copied());
-        Self::of_edges(edges.filter(|([low, high], _)| low[1] < high[1]).collect())
+        let (mut edges, mut features) =
+            (Vec::with_capacity(self.edges.len()), Vec::with_capacity(self.edges.len()));
+        for (edge, feature) in self.edges.iter().zip(&self.features) {
+            let [low, high] = edge.map(place);
+            if low[1] < high[1] {
+                edges.push([low, high]);
+                features.push(*feature);
+            }
+        }
+        Self::of_edges(edges, features)
     }
 
-    fn of_edges(edges: Vec<([[f64; 2]; 2], u32)>) -> Self {
-        let (edges, features): (Vec<_>, Vec<_>) = edges.into_iter().unzip();
+    fn of_edges(mut edges: Vec<[[f64; 2]; 2]>, mut features: Vec<u32>) -> Self {
+        edges.shrink_to_fit();
+        features.shrink_to_fit();
         let bounds = edges.iter().flatten().fold(EMPTY, |[west, south, east, north], [x, y]| {
             [west.min(*x), south.min(*y), east.max(*x), north.max(*y)]
         });
@@ -72,21 +109,44 @@ impl Polygon {
         polygon
     }
 
-    /// Lists the edges of each band, in O(edges x bands they touch).
+    /// Bytes held, in their own coordinates and in steps of a frame.
+    pub fn bytes(&self) -> u64 {
+        let places = self.features.len() + self.starts.len() + self.lists.len();
+        2 * (size_of_val(&self.edges[..]) + places * size_of::<u32>()) as u64
+    }
+
+    /// The file that they are from.
+    pub fn path(&self) -> Option<&Path> {
+        self.from.as_ref().map(|(path, _)| path.as_path())
+    }
+
+    /// Lists the edges of each band.
     fn fill_bands(&mut self) {
-        let bands = self.edges.len().clamp(1, MOST_BANDS);
-        let mut lists = vec![Vec::new(); bands];
-        for (number, [low, high]) in (0_u32..).zip(&self.edges) {
-            let touched = self.band(low[1], bands)..=self.band(high[1], bands);
-            lists[touched].iter_mut().for_each(|list| list.push(number));
+        let most = 2 * self.edges.len();
+        let mut bands = self.edges.len().clamp(1, MOST_BANDS);
+        while bands > 1
+            && self.edges.iter().map(|edge| self.touched(edge, bands).len()).sum::<usize>() > most
+        {
+            bands /= 2;
         }
-        self.starts = std::iter::once(0)
-            .chain(lists.iter().scan(0, |end, list| {
-                *end += list.len() as u32;
-                Some(*end)
-            }))
-            .collect();
-        self.lists = lists.concat();
+        let mut starts = vec![0; bands + 1];
+        for edge in &self.edges {
+            self.touched(edge, bands).for_each(|band| starts[band + 1] += 1);
+        }
+        (0..bands).for_each(|band| starts[band + 1] += starts[band]);
+        let (mut ends, mut lists) = (starts.clone(), vec![0; starts[bands] as usize]);
+        for (number, edge) in (0..).zip(&self.edges) {
+            for band in self.touched(edge, bands) {
+                lists[ends[band] as usize] = number;
+                ends[band] += 1;
+            }
+        }
+        (self.starts, self.lists) = (starts, lists);
+    }
+
+    /// The bands that an edge is in the lists of.
+    fn touched(&self, [low, high]: &[[f64; 2]; 2], bands: usize) -> Range<usize> {
+        self.band(low[1], bands)..self.band(high[1], bands) + 1
     }
 
     /// The band of a height within the bounds; it rises with the height.
@@ -142,4 +202,52 @@ const EMPTY: [f64; 4] = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::N
 /// Whether an edge holds the height of a place and is left of it, or the place is on it.
 fn is_left([low, high]: &[[f64; 2]; 2], x: f64, y: f64) -> bool {
     low[1] <= y && y < high[1] && plane::orient(*low, *high, [x, y]).is_le()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The twin of `contains` that looks at all edges of a feature.
+    fn is_inside(polygon: &Polygon, x: f64, y: f64) -> bool {
+        let features = polygon.features.last().map_or(0..0, |last| 0..last + 1);
+        let crossed = |feature: u32| {
+            let edges = polygon.edges.iter().zip(&polygon.features);
+            edges.filter(|(edge, own)| **own == feature && is_left(edge, x, y)).count()
+        };
+        features.into_iter().any(|feature| crossed(feature) % 2 == 1)
+    }
+
+    /// A comb with so many teeth as high as all of it, and a coast of so many short edges on one of its sides.
+    fn comb(west: f64, teeth: u32, coast: u32) -> Vec<[f64; 2]> {
+        let tooth = |i: u32| {
+            let x = west + f64::from(i);
+            [[x, 1000.0 - f64::from(i % 7)], [x + 0.5, f64::from(i % 3)]]
+        };
+        let far = west - 5.0;
+        let along =
+            |i: u32| [far + f64::from(i * i % 5), 1000.0 * f64::from(i) / f64::from(coast.max(1))];
+        (0..teeth).flat_map(tooth).chain((0..coast).map(along)).collect()
+    }
+
+    #[test]
+    fn lists_of_long_edges_are_bounded_and_tell_what_all_edges_tell() {
+        for (teeth, coast) in [(2000, 0), (2000, 2000), (20, 4000), (1, 1), (0, 900)] {
+            let rings = [comb(0.0, teeth, coast), comb(40.25, teeth, coast)];
+            let mut all = PolygonRings::default();
+            for ring in &rings {
+                all.begin_feature().unwrap();
+                all.push(ring).unwrap();
+            }
+            let polygon = Polygon::new(all);
+            let edges = polygon.edges.len();
+            assert!(polygon.lists.len() <= 2 * edges, "{} of {edges}", polygon.lists.len());
+            assert!(polygon.bytes() <= (edges as u64 + 1) * PolygonRings::EDGE_BYTES);
+            let step = if teeth > 1000 { 9 } else { 3 };
+            for (x, y) in (-20..=220).step_by(step).flat_map(|x| (0..64).map(move |y| (x, y))) {
+                let (x, y) = (f64::from(x) / 4.0, 1000.0 * f64::from(y) / 63.0);
+                assert_eq!(polygon.contains(x, y), is_inside(&polygon, x, y), "{teeth} {x} {y}");
+            }
+        }
+    }
 }

@@ -9,7 +9,7 @@ use crate::options::GridInput;
 use crate::water;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
-use terrane_cloud::Polygon;
+use terrane_cloud::{Polygon, PolygonRings};
 use terrane_raster::{Clip, ClipRings, OpenOptions};
 use terrane_vector::Feature;
 
@@ -65,14 +65,12 @@ fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
 /// # Errors
 /// Those of the polygons that a grid is clipped to.
 pub(crate) fn polygon(name: &str, resources: &Resources) -> Result<Polygon> {
-    let (mut rings, mut number) = (Vec::new(), 0);
-    let (path, crs) = rings_of(name, ("cloud", Polygon::EDGE_BYTES), resources, |feature| {
-        rings.extend(feature.geometry.parts().map(|ring| (number, ring.xy.to_vec())));
-        number += 1;
-        Ok(())
+    let mut rings = PolygonRings::default();
+    let (path, crs) = rings_of(name, ("cloud", PolygonRings::EDGE_BYTES), resources, |feature| {
+        rings.begin_feature()?;
+        feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
     })?;
-    let rings = rings.iter().map(|(number, ring)| (*number, ring.as_slice()));
-    Ok(Polygon::united(rings).of_file(&path, crs))
+    Ok(Polygon::new(rings).of_file(&path, crs))
 }
 
 /// Hands on all features of a file of polygons that something is clipped to; returns its path and system.
