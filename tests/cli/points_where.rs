@@ -439,3 +439,40 @@ fn points_within_polygons_are_the_same_whatever_the_format_of_these() {
         }
     }
 }
+
+#[test]
+fn polygons_leave_less_of_the_memory() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=60,density=2,seed=5", "c.las", "-q"]);
+    let corner = |i: u32| {
+        let (sin, cos) = (f64::from(i) / 200_000.0 * std::f64::consts::TAU).sin_cos();
+        format!("{} {}", 500_030.0 + 25.0 * cos, 4_750_030.0 + 25.0 * sin)
+    };
+    let corners: Vec<String> = (0..=200_000).map(|i| corner(i % 200_000)).collect();
+    place.write("round.wkt", format!("POLYGON (({}))", corners.join(", ")));
+    place.write("round.prj", "EPSG:32631");
+    for verb in [
+        &["grid", "c.las", "o.tif", "--cell", "2"][..],
+        &["points", "c.las", "o.laz"],
+        &["tin", "c.las", "o.ply", "--max-error", "1"],
+    ] {
+        let run = |memory: u64, clip: bool| {
+            let memory = format!("{memory}M");
+            let clip = if clip { &["--clip", "round.wkt"][..] } else { &[] };
+            let shared = ["-q", "--overwrite", "--threads", "1", "--memory", &memory];
+            place.run(&[verb, &shared, clip].concat())
+        };
+        // Half of it holds the polygons.
+        let least = (40..400).find(|memory| run(*memory, false).code == 0).unwrap();
+        let short = run(least, true);
+        assert_eq!(short.code, 75, "{verb:?} {least}: {}", short.err);
+        let told = ["round.wkt", "MiB of polygons", "--memory", "more for the polygons"];
+        assert!(told.iter().all(|word| short.err.contains(word)), "{}", short.err);
+        let enough = run(least + 17, true);
+        assert_eq!(enough.code, 0, "{verb:?} {least}: {}", enough.err);
+    }
+    // What takes more than half of all is refused by itself.
+    let told = ["round.wkt", "200001 vertices", "--memory", "simplify"];
+    let points = ["points", "c.las", "p.laz", "--clip", "round.wkt", "--memory", "30M"];
+    place.fails(&points, 75, &told);
+}

@@ -13,6 +13,7 @@
 
 use crate::Resources;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud as cloud;
 use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
 
 /// Bytes for the program itself.
@@ -109,6 +110,38 @@ pub fn parse(text: &str) -> Option<u64> {
     let shift = ["", "k", "m", "g", "t"].iter().position(|known| *known == unit)?;
     let bytes = value * (1u64 << (10 * shift)) as f64;
     (1.0..1e18).contains(&bytes).then_some(bytes as u64)
+}
+
+/// Bytes of the polygons that points are within.
+pub(crate) fn polygon_bytes(options: &cloud::OpenOptions) -> u64 {
+    options.filter.polygon.as_ref().map_or(0, |polygon| polygon.bytes())
+}
+
+/// What the polygons that points are within leave of the memory.
+pub(crate) fn beside_polygons(options: &cloud::OpenOptions, resources: &Resources) -> Resources {
+    let memory = resources.memory.saturating_sub(polygon_bytes(options));
+    Resources { memory, ..resources.clone() }
+}
+
+/// Does work with what the polygons that points are within leave of the memory; where that does not suffice, they are
+/// named.
+pub(crate) fn with_polygons<T>(
+    options: &cloud::OpenOptions,
+    resources: &Resources,
+    work: impl FnOnce(Resources) -> Result<T>,
+) -> Result<T> {
+    let held = polygon_bytes(options).div_ceil(1 << 20);
+    let path = options.filter.polygon.as_ref().and_then(|polygon| polygon.path());
+    work(beside_polygons(options, resources)).map_err(|error| match path {
+        Some(path) if error.kind() == ErrorKind::Resource && error.path().is_none() => {
+            let remedy = error.remedy_text().unwrap_or("pass more ‹memory›").to_owned();
+            error
+                .at(format_args!("beside {held} MiB of polygons"))
+                .in_file(path)
+                .remedy(format!("{remedy}, and {held}M more for the polygons, or simplify them"))
+        }
+        _ => error,
+    })
 }
 
 /// An opened grid and how its memory is divided.

@@ -44,6 +44,7 @@ use self::write::{Written, write};
 use crate::breaklines::BreaklinesReport;
 use crate::figures::Figures;
 use crate::kept::{Features, KeptReport};
+use crate::memory::with_polygons;
 use crate::on_cloud::OnCloud;
 use crate::placing::{Placed, Placing};
 use crate::plan::At;
@@ -237,8 +238,12 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let features = Features::read_for_cloud(points, lines, &job.resources)?;
-    let mut report =
-        make(job, &*source, (features, format), REGION_POINTS, At { progress, cancel })?;
+    let at = At { progress, cancel };
+    let mut report = with_polygons(&job.options, &job.resources, |resources| {
+        let job = CloudTinJob { resources, ..job.clone() };
+        make(&job, &*source, (features, format), REGION_POINTS, at)
+    })?;
+    report.run.memory_budget = job.resources.memory;
     report.of_source(&*source, &Losses::of(&*source), started);
     Ok(report)
 }

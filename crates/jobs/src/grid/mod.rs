@@ -22,6 +22,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use crate::memory::with_polygons;
 use crate::plan::as_text;
 use crate::{Cancel, Progress, Resources};
 pub use extent::{Compat, Placement};
@@ -294,7 +295,12 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     let start = Instant::now();
     let cloud = cloud::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
-    let mut report = Maker::of_whole(&*cloud, job, progress, cancel)?.make()?;
+    let make = |resources| {
+        let job = GridJob { resources, ..job.clone() };
+        Maker::of_whole(&*cloud, &job, progress, cancel)?.make()
+    };
+    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    report.run.memory_budget = job.resources.memory;
     let stages = [vec![opened], report.stages].concat();
     report.run.wall_seconds = start.elapsed().as_secs_f64();
     let lost = report.losses.notes().collect();

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::few::{self, Ranked, Tally};
 use super::{PageJob, PageReport, facts};
 use crate::input::workers;
-use crate::memory::{PROGRAM, beside_program, short};
+use crate::memory::{PROGRAM, beside_program, short, with_polygons};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
@@ -38,7 +38,7 @@ pub(super) fn page(
     }
     let cloud = terrane_cloud::open(job.input.names(), open)?;
     let most = most.min(cloud.info().count);
-    let threads = threads(most, &job.resources)?;
+    let threads = with_polygons(open, &job.resources, |resources| threads(most, &resources))?;
     let resources = Resources { threads, ..job.resources.clone() };
     let (points, tally) = workers(&resources)?.install(|| {
         let (mut points, tally) = few::choose(&cloud, most as usize, (progress, cancel))?;

@@ -8,6 +8,7 @@ use super::{ModelOptions, TilesJob, TilesReport};
 use crate::beside;
 use crate::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
 use crate::grid::{self, GridJob, Placement, Preset};
+use crate::memory::with_polygons;
 use crate::plan::DiskCheck;
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources};
@@ -78,14 +79,19 @@ pub fn run_cloud(
         Some(kept) => model.keep(kept, resources, progress, cancel)?,
     };
     let tiles = TilesJob { input: made.inputs.clone(), ..job.clone() };
-    let report = match kept {
-        None => super::run(&tiles, progress, cancel),
-        Some(Kept { folder, disk, .. }) => {
-            super::run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
+    let report = with_polygons(&model.cloud, &job.resources, |resources| {
+        let tiles = TilesJob { resources, ..tiles };
+        match kept {
+            None => super::run(&tiles, progress, cancel),
+            Some(Kept { folder, disk, .. }) => {
+                super::run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
+            }
         }
-    };
+    });
     let report = report.map_err(|error| made.renamed(error))?;
-    Ok(TilesReport { notes: [made.notes, report.notes].concat(), ..report })
+    let mut report = TilesReport { notes: [made.notes, report.notes].concat(), ..report };
+    report.run.memory_budget = job.resources.memory;
+    Ok(report)
 }
 
 impl GroundModel {

@@ -35,6 +35,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::input::workers;
+use crate::memory::with_polygons;
 use crate::plan::At;
 use crate::records::choice::{Choice, Chosen, needed};
 use crate::records::{Packer, Records};
@@ -155,7 +156,13 @@ pub fn run(
     if job.squares.is_some() || job.split.is_some() {
         squares::refuse_within(cloud.files(), &job.output)?;
     }
-    prepared(job, &cloud, None, at, |prepared| prepared.report(start))
+    let make = |resources| {
+        let job = TranslateJob { resources, ..job.clone() };
+        prepared(&job, &cloud, None, at, |prepared| prepared.report(start))
+    };
+    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    report.run.memory_budget = job.resources.memory;
+    Ok(report)
 }
 
 /// Does something with all that a job on a cloud, or some squares of it, needs.

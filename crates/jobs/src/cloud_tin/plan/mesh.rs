@@ -17,6 +17,7 @@ use crate::cloud_tin::regions::{Region, Regions};
 use crate::cloud_tin::write::write;
 use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
 use crate::kept::Features;
+use crate::memory::beside_polygons;
 use crate::plan::{
     self, At, Digest, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
     refuse_another,
@@ -430,6 +431,7 @@ impl Work for CloudMesh {
     fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
         let Self { label, method, cloud, .. } = &plan.work;
+        let resources = beside_polygons(&method.options, &resources);
         let options = OpenOptions { threads: resources.threads, ..method.options.clone() };
         let job = CloudTinJob {
             overwrite,

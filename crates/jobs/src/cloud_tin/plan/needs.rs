@@ -6,6 +6,7 @@ use crate::cloud_tin::choose::{BAND, first_choice};
 use crate::cloud_tin::lines::Lines;
 use crate::cloud_tin::ready::Ready;
 use crate::cloud_tin::regions::{Region, Regions};
+use crate::memory::polygon_bytes;
 use crate::plan::{At, Needs};
 use crate::points::{ENTRY, POINT, PointStore, Tiling};
 use terrane_base::error::Result;
@@ -102,7 +103,8 @@ pub(super) fn expect(opened: &Opened, mesh: &CloudMesh, share: f64) -> Result<Ne
     let [task, writing] = NANOSECONDS.map(|n| n * 1e-9);
     Ok(Needs {
         // Squares of all rounds are known by their indices, twice while these are put in order.
-        memory: ready.division.least(worker, 6 * squares * ENTRY),
+        memory: ready.division.least(worker, 6 * squares * ENTRY)
+            + polygon_bytes(&ready.job.options),
         thread_memory: worker * 8 / ready.division.workers,
         objects: vertices * POINT + squares * ENTRY + 2 * LOOK * regions.len() as u64,
         output: (ready.format.most)().file_bytes(vertices, 2 * vertices),

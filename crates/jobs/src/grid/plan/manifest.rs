@@ -9,6 +9,7 @@ use super::tile::Opened;
 use crate::grid::GridJob;
 use crate::grid::extent::Extent;
 use crate::grid::preset::Seen;
+use crate::memory::beside_polygons;
 use crate::plan::{self, Order};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -88,6 +89,7 @@ impl Grid {
     /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
     pub(super) fn open(&self, order: Order<()>) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
+        let resources = beside_polygons(&self.method.cloud, &resources);
         let mut job = GridJob { output, overwrite, resources, ..self.method.clone() };
         job.cloud.threads = job.resources.threads;
         let points = cloud::source(&job.input, &job.cloud)?;

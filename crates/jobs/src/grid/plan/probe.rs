@@ -12,6 +12,7 @@ use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
 use crate::grid::near::Near;
 use crate::grid::preset;
+use crate::memory::polygon_bytes;
 use crate::plan::{At, Needs, shared};
 use crate::points::parts_in;
 use terrane_base::error::{Error, Result};
@@ -65,6 +66,7 @@ pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs
     let writing = cells.all().len() as f64 * CELL * 1e-9;
     // What one thread cannot do without is more than a further one takes.
     let (memory, thread_memory) = (least.memory, least.memory);
+    let memory = memory + polygon_bytes(&opened.job.cloud);
     Ok(Needs { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
 }
 

@@ -6,6 +6,7 @@ use tempfile::TempDir;
 
 use super::manifest::Points;
 use super::work::Opened;
+use crate::memory::polygon_bytes;
 use crate::plan::{At, Needs};
 use crate::points::parts_in;
 use crate::translate;
@@ -53,7 +54,7 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
         translate::least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
     let noted = work.looked.noise.as_ref().map_or(0, Noise::bytes);
     Ok(Needs {
-        memory: memory + noted,
+        memory: memory + noted + polygon_bytes(&opened.job.cloud),
         thread_memory,
         objects: all,
         output: all,

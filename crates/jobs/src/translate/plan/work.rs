@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::manifest::{Block, Blocks, Method, Points, label};
 use super::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
+use crate::memory::beside_polygons;
 use crate::plan::{
     At, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
     refuse_another,
@@ -165,7 +166,8 @@ impl Work for Points {
     fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
         let Self { label, method, blocks, looked } = &plan.work;
-        let mut job = TranslateJob { output, overwrite, resources, ..method.job()? };
+        let mut job = TranslateJob { output, overwrite, ..method.job()? };
+        job.resources = beside_polygons(&job.cloud, &resources);
         job.cloud.threads = job.resources.threads;
         let opened = Opened::new(job)?;
         let info = translate::stored(&opened.job, &opened.cloud)?;

@@ -21,6 +21,7 @@ use super::header::{Header, judge_bounds};
 use super::statements::{CRS, KEPT, LINES, SOURCE, Statements, TOLERANCE, TRIANGULATION};
 use super::{Work, leave_files, open_mesh};
 use crate::kept::Features;
+use crate::memory::with_polygons;
 use crate::on_cloud::OnCloud;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -72,7 +73,9 @@ pub fn verify_cloud(
     let cloud = job.inputs.join(" ");
     surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
     let asked = (tolerance, features);
-    let proved = prove_cloud(&*mesh, &*source, asked, &job.resources, progress, cancel);
+    let proved = with_polygons(&job.options, &job.resources, |resources| {
+        prove_cloud(&*mesh, &*source, asked, &resources, progress, cancel)
+    });
     let mut report = proved.map_err(|e| match e.kind() {
         ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.mesh),
         _ => e,
@@ -80,6 +83,7 @@ pub fn verify_cloud(
     let crs = &source.info().crs;
     let header =
         Header { mesh: &job.mesh, info: mesh.info(), stated: &stated, crs, original: "cloud" };
+    report.run.memory_budget = job.resources.memory;
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
     for statement in stated.of_others(&OF_CLOUDS) {

@@ -25,7 +25,7 @@ use self::layer::{Kind, Layer};
 use self::place::Places;
 use self::room::{Divided, Room};
 use crate::figures::Figures;
-use crate::memory::{cache_beside, too_little};
+use crate::memory::{cache_beside, too_little, with_polygons};
 use crate::options::GridInput;
 use crate::tiles::GroundModel;
 use crate::{Cancel, Progress, Resources};
@@ -127,8 +127,12 @@ pub fn verify_tiles_of_cloud(
 ) -> Result<TilesVerifyReport> {
     check_memory(&job.resources)?;
     let made = model.make(&job.tiles, &job.resources, progress, cancel)?;
-    let job = TilesVerifyJob { raster: made.inputs.clone(), ..job.clone() };
-    let report = verify_tiles(&job, progress, cancel).map_err(|error| made.renamed(error))?;
+    let report = with_polygons(&model.cloud, &job.resources, |resources| {
+        let raster = made.inputs.clone();
+        verify_tiles(&TilesVerifyJob { raster, resources, ..job.clone() }, progress, cancel)
+    });
+    let mut report = report.map_err(|error| made.renamed(error))?;
+    report.run.memory_budget = job.resources.memory;
     Ok(TilesVerifyReport { notes: [made.notes, report.notes].concat(), ..report })
 }
 
