@@ -142,7 +142,7 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("exaggeration", "2", "{\"format\": \"STL\"}"),
     ("tin.base", "3", "{\"size\": 100, \"format\": \"STL\"}"),
     ("bound", "\"surface\"", "{}"),
-    ("strict", "true", "{}"),
+    ("strict", "true", "{\"max_error\": 3}"),
     ("drop", "false", "{}"),
     ("fit", "true", "{}"),
     ("triangulation", "\"data-dependent\"", "{}"),

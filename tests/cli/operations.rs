@@ -277,7 +277,7 @@ fn taken(path: &Path) -> Vec<u8> {
         std::fs::remove_dir_all(kept).unwrap();
     }
     let prj = path.with_extension("prj");
-    if path.is_file() && prj.exists() {
+    if path.file_stem() == Some("out".as_ref()) && prj.exists() {
         std::fs::remove_file(prj).unwrap();
     }
     if path.is_dir() {
@@ -336,6 +336,14 @@ fn what_does_not_go_together_is_refused_at_each_door_before_anything_is_read() {
         for rule in operation.table.rules() {
             let Rule::NotWith(name, others) = rule else { continue };
             for other in *others {
+                let is_tried = |term: &str| {
+                    let name = term.split_once('=').map_or(term, |(name, _)| name);
+                    let field = operation.table.find(name.trim_end_matches('!')).unwrap();
+                    self::tried(operation, field).is_some()
+                };
+                if !is_tried(name) || !is_tried(other) {
+                    continue;
+                }
                 refuse_both(&place, operation, [name, other]);
                 tried += 1;
             }

@@ -48,7 +48,7 @@ pub use cloud::{CloudVerifyJob, CloudVerifyReport, OfCloud, prove_cloud, verify_
 pub use found::{FaultReport, MeshReport, Original, Verdict};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
 pub use options::{
-    CloudMeshProof, CloudTilesProof, LineProof, MeshProof, Proof, TilesProof, Written,
+    CloudMeshProof, CloudTilesProof, Gone, LineProof, MeshProof, Proof, TilesProof, Written,
 };
 pub use quality::{
     Against, AngleReport, AspectReport, Below, DegreeReport, Measured, QualityReport, SlopeReport,

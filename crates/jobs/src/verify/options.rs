@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use serde::Serialize;
-use terrane_options::{Options, Range, Rule, check};
+use terrane_options::{Choice, Options, Range, Rule, check};
 
 use super::tiles::{TilesVerifyJob, TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
 use super::{
@@ -21,7 +21,6 @@ use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_files::path_of;
-use terrane_line::topology::Collapse;
 use terrane_raster::Inputs;
 
 /// A file or folder that was written, and what it was made from.
@@ -175,16 +174,23 @@ pub struct LineProof {
     /// Points that had to stay on their side
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub sides: Option<PathBuf>,
-    /// What may have become of rings; drop: those with two vertices whose segment has all others within the tolerance may
-    /// be gone, and their holes with them
+    /// Rings may be gone: those with two vertices whose segment has all others within the tolerance, and their holes with
+    /// them
     #[option(value = "HOW", default_text = "nothing may be gone")]
-    pub collapse: Option<Collapse>,
+    pub collapse: Option<Gone>,
     /// How the lines are read that they were made from.
     #[option(flatten)]
     pub features: FeatureInput,
     /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
+}
+
+/// What may have become of rings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Gone {
+    /// They may be gone where there is no room for them
+    Drop,
 }
 
 const OF_LINES: &[Rule] = &[Rule::Needs("sides", &["topology"])];
@@ -329,7 +335,7 @@ impl Proof for LineProof {
             tolerance: self.tolerance,
             is_space: self.metric == Metric::Space,
             topology: self.topology,
-            may_drop: self.collapse == Some(Collapse::Drop),
+            may_drop: self.collapse == Some(Gone::Drop),
             sides: self.sides.clone(),
             resources: self.resources.clone(),
         };

@@ -73,7 +73,7 @@ if TYPE_CHECKING:
     )
     from terrane._plans import Plan, open_plan
     from terrane._terrane import __version__
-    from terrane._tin import Report, verify
+    from terrane._tin import Report, verify, verify_tiles
     from terrane.delatin import Delatin
 
 # Where each name is; a module is imported when a name of it is first asked for.
@@ -86,7 +86,7 @@ _WHERE = {
     "roughness simplify_file slope tiles tin tpi tri write_cloud_tin write_tin",
     "_plans": "Plan open_plan",
     "_terrane": "__version__",
-    "_tin": "Report verify",
+    "_tin": "Report verify verify_tiles",
     "delatin": "Delatin",
 }
 _MODULES = {name: module for module, names in _WHERE.items() for name in names.split()}
@@ -149,6 +149,7 @@ __all__ = [
     "tri",
     "verify",
     "verify_cloud",
+    "verify_tiles",
     "write_cloud_tin",
     "write_tin",
 ]

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from terrane import _beside, _terrane
 from terrane._errors import refuse_existing, usage
 from terrane._mesh import Mesh
-from terrane._numbers import number
 from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
 from terrane._tin import Report
@@ -204,9 +203,9 @@ def verify_cloud(
     """Proves a mesh in a file against the points it was made from, chosen by the same options."""
     if isinstance(mesh, Mesh):
         raise usage("a mesh in memory is one of a grid", "pass the path of a mesh of points")
-    error = number("max_error", max_error)
+    options = {"max_error": max_error, "threads": threads, "memory": memory}
     with clipped(points, reading) as cloud:
-        return Report(cloud.verify(os.fspath(mesh), error, settings(threads, memory, progress)))
+        return Report(cloud.verify(os.fspath(mesh), options, settings(None, None, progress)))
 
 
 @contextmanager

@@ -43,14 +43,10 @@ class Grid:
     def heights(self) -> NDArray[np.float64]: ...
     def tin(self, options: dict[str, Any], settings: Settings) -> Mesh: ...
     def verify(
-        self,
-        mesh: str,
-        max_error: float | None,
-        bound: str | None,
-        min_angle: float | None,
-        keep_points: str | None,
-        breaklines: str | None,
-        settings: Settings,
+        self, mesh: str, options: dict[str, Any], settings: Settings
+    ) -> dict[str, Any]: ...
+    def verify_tiles(
+        self, tiles: str, options: dict[str, Any], settings: Settings
     ) -> dict[str, Any]: ...
     def run(
         self, operation: str, path: str, options: dict[str, Any], settings: Settings
@@ -116,7 +112,12 @@ class Cloud:
         task_size: int | None,
         settings: Settings,
     ) -> Plan: ...
-    def verify(self, mesh: str, max_error: float | None, settings: Settings) -> dict[str, Any]: ...
+    def verify(
+        self, mesh: str, options: dict[str, Any], settings: Settings
+    ) -> dict[str, Any]: ...
+    def verify_tiles(
+        self, tiles: str, options: dict[str, Any], settings: Settings
+    ) -> dict[str, Any]: ...
 
 @final
 class Plan:

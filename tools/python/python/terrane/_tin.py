@@ -1,4 +1,4 @@
-"""The proof of a mesh of a grid."""
+"""Proofs of meshes and tiles of grids."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 from terrane._errors import usage
 from terrane._mesh import Mesh
-from terrane._numbers import number
 from terrane._settings import Features, Path, settings
 from terrane._source import opened
 
@@ -54,7 +53,8 @@ class Report:
         return self.ok
 
     def __repr__(self) -> str:
-        told = "; ".join(self.failures or self.not_judged) or f"max_error {self.max_error:.6g}"
+        error = "" if self.max_error is None else f"max_error {self.max_error:.6g}"
+        told = "; ".join(self.failures or self.not_judged) or error
         return f"<terrane.Report: {'ok' if self.ok else 'not ok'}, {told}>"
 
 
@@ -90,10 +90,11 @@ def verify(
     >>> terrane.verify(terrane.tin(heights, max_error=0.5), heights + 1, max_error=0.5).ok
     False
     """
-    error, angle = number("max_error", max_error), number("min_angle", min_angle)
-    run = settings(threads, memory, progress)
     if not isinstance(mesh, Mesh | str | os.PathLike):
         raise usage(f"a {type(mesh).__name__} is no mesh", "pass a terrane.Mesh or a path")
+    options: dict[str, Any] = {"max_error": max_error, "bound": bound, "min_angle": min_angle}
+    options |= {"threads": threads, "memory": memory}
+    run = settings(None, None, progress)
     with opened(
         src,
         band=band,
@@ -105,11 +106,44 @@ def verify(
         keep_points=keep_points,
         breaklines=breaklines,
     ) as (grid, files):
-        points, lines = files["keep_points"], files["breaklines"]
+        options |= {name: files[name] for name in ("keep_points", "breaklines")}
         if not isinstance(mesh, Mesh):
-            return Report(grid.verify(os.fspath(mesh), error, bound, angle, points, lines, run))
+            return Report(grid.verify(os.fspath(mesh), options, run))
         with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
             path = os.path.join(folder, "mesh.ply")
             mesh.write(path)
-            told = grid.verify(path, error, bound, angle, points, lines, run)
+            told = grid.verify(path, options, run)
         return Report({**told, "mesh": "in memory"})
+
+
+def verify_tiles(
+    tiles: Path,
+    src: Any,
+    *,
+    geoid: Path | None = None,
+    band: int | None = None,
+    nodata: float | None = None,
+    transform: Any = None,
+    crs: Any = None,
+    clip: Features | None = None,
+    water: Features | None = None,
+    threads: int | None = None,
+    memory: int | str | None = None,
+    progress: Any = None,
+) -> Report:
+    """Proves a folder of terrain tiles against the grid it was made from, by code of its own: errors of each level, borders,
+    gaps between levels, which tiles there are. `src` and what says how it is read are as for `tiles`.
+
+    >>> import os, tempfile, terrane
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = os.path.join(folder, "tiles")
+    ...     made = terrane.tiles("synth:rough,size=129", path, max_level=11)
+    ...     terrane.verify_tiles(path, "synth:rough,size=129").ok
+    True
+    """
+    options: dict[str, Any] = {"geoid": None if geoid is None else os.fspath(geoid)}
+    options |= {"threads": threads, "memory": memory}
+    reading: dict[str, Any] = {"band": band, "nodata": nodata, "transform": transform, "crs": crs}
+    with opened(src, **reading, clip=clip, water=water) as (grid, _):
+        told = grid.verify_tiles(os.fspath(tiles), options, settings(None, None, progress))
+    return Report(told)
