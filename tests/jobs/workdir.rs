@@ -206,6 +206,10 @@ fn another_plan_is_refused_with_the_difference() {
     std::fs::create_dir(&other).unwrap();
     std::fs::write(other.join("precious"), b"x").unwrap();
     assert_eq!(plan(&other, TERRAIN, 4).unwrap_err().kind(), ErrorKind::Usage);
+    let small = plan(&temp.path().join("new"), TERRAIN, 1).unwrap_err();
+    assert_eq!(small.kind(), ErrorKind::Usage, "{small}");
+    assert!(small.to_string().contains("two rows of tiles"), "{small}");
+    assert!(!temp.path().join("new").exists());
 }
 
 #[test]

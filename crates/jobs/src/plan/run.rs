@@ -15,7 +15,7 @@ use super::work::{At, Made, Named, Order};
 use super::{Look, PLAN, Work, kept};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, peak_memory};
-use terrane_base::error::{ErrorKind, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
 
 /// A plan to make of a job.
@@ -30,6 +30,17 @@ pub struct PlanJob<J> {
     pub cut: Option<u32>,
     /// Files that are left out of the input because they are bad, to be noted in the plan.
     pub skipped: Vec<Skipped>,
+}
+
+impl<J> PlanJob<J> {
+    /// Fails where tasks are to be smaller than `least`, which is `told`.
+    pub(crate) fn check_size(&self, least: u32, told: &str) -> Result<()> {
+        match self.cut.filter(|cut| *cut < least) {
+            None => Ok(()),
+            Some(cut) => Err(Error::usage(format!("‹task_size› is {cut}: tasks have {told}"))
+                .remedy(format!("pass {least} or more, or leave it out"))),
+        }
+    }
 }
 
 impl<J: Clone> PlanJob<J> {

@@ -97,6 +97,7 @@ impl MeshRun {
 /// Those of opening the input; `Usage` for a goal other than a tolerance, and for a folder that holds
 /// another plan or other files.
 pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Result<StatusReport> {
+    job.check_size(2, "two rows of tiles at least")?;
     plan_checked(job, |_| Ok(()), progress, cancel)
 }
 
