@@ -323,7 +323,7 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
     let levels: Vec<Value> = levels.collect();
     let extensions = [
         (job.tiles.normals, "octvertexnormals"),
-        (job.tiles.water_mask, "watermask"),
+        (ground.opened.mask.is_some(), "watermask"),
         (true, "metadata"),
     ];
     let extensions: Vec<&str> =
