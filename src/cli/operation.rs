@@ -438,7 +438,7 @@ fn check_files<O: Operation + Has<Replacing>>(
 ) -> Result<()> {
     let overwrite = is_replacing(options);
     check::beside(&read_beside(options)?)?;
-    let workdir = named(options, "workdir").map(PathBuf::from);
+    let workdir = named(options, "workdir").map(|name| path_of(&name).into_owned());
     // An output that exists may be that of an earlier run there.
     let goes_on = workdir.as_ref().is_some_and(|folder| folder.exists());
     let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();

@@ -198,6 +198,14 @@ mod latin {
             assert!(std::str::from_utf8(&ran.stdout).is_ok(), "{args:?}");
             assert!(at(&word(output)).exists(), "{args:?}");
         }
+        let (folder, laz) = (name("d"), name("laz"));
+        let report = [folder.as_bytes(), b"/r.json"].concat();
+        let mut args: Vec<&OsStr> = vec!["points".as_ref(), &laz, "squares".as_ref()];
+        args.extend(["--tile", "20", "--workdir"].map(OsStr::new));
+        args.extend([&folder, OsStr::new("--report"), OsStr::from_bytes(&report)]);
+        let refused = run(&place, &args);
+        let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && told.contains("a part of it"), "{told}");
         let missing = run(&place, &["info".as_ref(), &name("nowhere")]);
         let told = String::from_utf8_lossy(&missing.stderr).into_owned();
         assert!(told.contains("d\u{fffd}m.nowhere"), "{told}");
