@@ -23,6 +23,8 @@ use terrane_raster::Inputs;
 #[derive(Clone, Debug)]
 pub struct Plan {
     folder: PathBuf,
+    /// The folder as an input.
+    name: String,
     kind: Kind,
 }
 
@@ -72,7 +74,7 @@ impl Plan {
     /// looked at or run.
     pub fn open(folder: impl Into<PathBuf>) -> Result<Self> {
         let folder = folder.into();
-        Ok(Self { kind: kind(&folder)?, folder })
+        Ok(Self { kind: kind(&folder)?, name: name_of(folder.clone())?, folder })
     }
 
     /// The folder.
@@ -96,9 +98,7 @@ impl Plan {
 
     /// Work on it.
     pub fn run(&self) -> Job<'_, RunOptions> {
-        // The folder was found by this name.
-        let name = name_of(self.folder.clone()).unwrap_or_default();
-        Job::new(Inputs::from(vec![name]), RunOptions::default())
+        Job::new(Inputs::from(&self.name), RunOptions::default())
     }
 }
 
