@@ -266,14 +266,18 @@ impl Call<'_> {
     }
 }
 
-/// Options by name that go together; those of `given` that are not null count as given.
+/// Options by name that go together; those of `given` that ask for anything count as given.
 fn filled<O: Options>(all: &Map<String, Json>, given: &Map<String, Json>) -> Result<O> {
     let options: O = fill(all)?;
-    let given = given.iter().filter(|(_, value)| !value.is_null());
-    let given: Vec<_> = given.filter_map(|(name, _)| O::TABLE.find(name)).collect();
-    let names: Vec<&str> = given.iter().map(|field| field.name).collect();
-    check_given(&options, &names)?;
+    check_given(&options, &given_names(O::TABLE, given))?;
     Ok(options)
+}
+
+/// The names of the options that something is asked for of.
+fn given_names(table: &'static Table, given: &Map<String, Json>) -> Vec<&'static str> {
+    let fields = given.iter().filter_map(|(name, value)| Some((table.find(name)?, value)));
+    let asked = fields.filter(|(field, value)| field.is_given(value));
+    asked.map(|(field, _)| field.name).collect()
 }
 
 fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> Result<()> {
@@ -488,7 +492,20 @@ impl<O: Has<GridOutput>, S> Job<'_, O, S> {
 
 #[cfg(test)]
 mod tests {
-    use super::OPERATIONS;
+    use super::{OPERATIONS, given_names};
+    use crate::translate::PointsOptions;
+    use serde_json::json;
+    use terrane_options::Options;
+
+    #[test]
+    fn what_asks_for_nothing_is_not_given() {
+        let given = json!({ "thin": null, "height_above_ground": false, "buffer": 0, "dedupe": 1 });
+        let names = given_names(PointsOptions::TABLE, given.as_object().unwrap());
+        assert_eq!(names.len(), 2, "{names:?}");
+        assert!(names.contains(&"buffer") && names.contains(&"dedupe"), "{names:?}");
+        let bare = json!({ "height_above_ground": "dimension", "drop_overlap": true });
+        assert_eq!(given_names(PointsOptions::TABLE, bare.as_object().unwrap()).len(), 2);
+    }
 
     #[test]
     fn names_of_operations_and_of_their_options_are_unique() {

@@ -15,7 +15,7 @@ pub fn fill<O: Options>(given: &Map<String, Json>) -> Result<O> {
     let mut taken = Vec::new();
     for (name, value) in given {
         let field = O::TABLE.find(name).ok_or_else(|| unknown(O::TABLE, name))?;
-        if value.is_null() || (field.bare.is_some() && value == false) {
+        if !field.is_given(value) {
             continue;
         }
         if taken.contains(&field.name) {

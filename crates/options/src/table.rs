@@ -1,5 +1,7 @@
 //! Tables of fields.
 
+use serde_json::Value as Json;
+
 use crate::Rule;
 
 /// A named value of a choice.
@@ -136,6 +138,11 @@ pub struct Field {
 }
 
 impl Field {
+    /// Whether a value asks for anything: null does not, nor does `false` where the name alone is enough.
+    pub fn is_given(&self, value: &Json) -> bool {
+        !value.is_null() && !(self.bare.is_some() && value == false)
+    }
+
     /// Fails for a number out of the range; what was expected is in the error.
     ///
     /// # Errors
