@@ -87,6 +87,11 @@ fn work_in_a_folder_goes_on_where_it_was() {
     found(&[], "three");
     found(&["--workdir", "found"], "four");
     alike(&place, ["three", "four"]);
+    // What is in the folder is no place for tiles, and nothing is made to find that out.
+    for output in ["new/model", "new/tiles", "new/tiles/objects", "new/model/model.tif"] {
+        let args = ["tiles", CLOUD, output, "--cell", "1", "--workdir", "new"];
+        place.fails(&args, 2, &[output, "folder of the work"]);
+    }
     let other = ["tiles", CLOUD, "x", "--cell", "2", "--class", "2", "--workdir", "work"];
     place.fails(&other, 2, &["another"]);
 }

@@ -37,7 +37,7 @@ pub(crate) use report::{Needs, shared};
 pub use run::{PlanJob, RunJob};
 pub(crate) use run::{run, run_in, status};
 pub use sheet::{Kind, kind};
-pub(crate) use sheet::{PLAN, Plan};
+pub(crate) use sheet::{PLAN, Plan, refuse_file};
 pub(crate) use work::{At, Made, Named, Numbered, Order, Work};
 
 use crate::Cancel;

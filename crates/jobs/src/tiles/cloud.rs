@@ -9,7 +9,8 @@ use crate::beside;
 use crate::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
 use crate::grid::{self, GridJob, Placement, Preset};
 use crate::memory::with_polygons;
-use crate::plan::DiskCheck;
+use crate::outputs::place;
+use crate::plan::{DiskCheck, refuse_file};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
@@ -47,6 +48,25 @@ pub struct Kept<'a> {
     pub disk: DiskCheck,
 }
 
+impl Kept<'_> {
+    /// Fails where a file is in place of the folder, or the output in that of the work.
+    fn check(&self, output: &Path) -> Result<()> {
+        refuse_file(self.folder)?;
+        let is_in = |part: &str| {
+            let part = self.folder.join(part);
+            let near = std::path::absolute(&part).ok().zip(std::path::absolute(output).ok());
+            near.is_some_and(|(part, output)| output.starts_with(part))
+                || std::fs::canonicalize(part).is_ok_and(|part| place(output).starts_with(part))
+        };
+        match PARTS.iter().any(|part| is_in(part)) {
+            true => Err(Error::usage("lies in the folder of the work")
+                .in_file(output)
+                .remedy("choose a place elsewhere")),
+            false => Ok(()),
+        }
+    }
+}
+
 /// A model that is made: it goes with this, unless it is kept in a folder for work.
 pub(crate) struct Made {
     /// Called what the cloud is.
@@ -76,7 +96,10 @@ pub fn run_cloud(
             refuse_existing(&job.output, job.overwrite)?;
             model.make(&job.output, resources, progress, cancel)?
         }
-        Some(kept) => model.keep(kept, resources, progress, cancel)?,
+        Some(kept) => {
+            kept.check(&job.output)?;
+            model.keep(kept, resources, progress, cancel)?
+        }
     };
     let tiles = TilesJob { input: made.inputs.clone(), ..job.clone() };
     let report = with_polygons(&model.cloud, &job.resources, |resources| {
