@@ -105,3 +105,36 @@ fn every_failing_call_leaves_a_run_that_goes_on() {
         plan(&place);
     }
 }
+
+#[test]
+fn files_are_no_folders_of_work() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=60,density=2", "c.las", "-q"]);
+    place.ok(&["synth", "rough,size=65", "g.tif", "-q"]);
+    place.write("file", "x");
+    for (args, input) in [
+        (&["plan", "grid", "c.las", "--cell", "2"][..], "c.las"),
+        (&["plan", "points", "c.las", "--tile", "20"], "c.las"),
+        (&["plan", "tiles", "g.tif"], "g.tif"),
+        (&["plan", "tin", "g.tif", "--max-error", "1"], "g.tif"),
+        (&["plan", "tin", "c.las", "--max-error", "1"], "c.las"),
+    ] {
+        place.fails(&[args, &["-o", "file"]].concat(), 2, &["file: is a file, and a folder"]);
+        place.fails(&[args, &["-o", input]].concat(), 2, &[input]);
+    }
+    for args in [
+        &["tiles", "g.tif", "out"][..],
+        &["tiles", "c.las", "out"],
+        &["points", "c.las", "out", "--tile", "20"],
+        &["tin", "c.las", "o.ply", "--max-error", "1"],
+        &["tin", "g.tif", "o.ply", "--max-error", "1"],
+    ] {
+        place.fails(
+            &[args, &["--workdir", "file"]].concat(),
+            2,
+            &["file: is a file, and a folder"],
+        );
+    }
+    let own = ["plan", "grid", "c.las", "--cell", "2", "-o", "c.las"];
+    place.fails(&own, 2, &["output is the input itself"]);
+}

@@ -281,15 +281,18 @@ fn given_names(table: &'static Table, given: &Map<String, Json>) -> Vec<&'static
 }
 
 fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> Result<()> {
-    plan_of(&call.options::<O>()?, call.request, task_size)
+    plan_of(&call.options::<O>()?, call.request, task_size).map(drop)
 }
 
 /// Plans what options say, none of which is for runs alone.
-pub(crate) fn plan_of<O: Divisible>(
+///
+/// # Errors
+/// Those of [`Divisible::plan`], and of the options.
+pub fn plan_of<O: Divisible>(
     options: &O,
     request: Request<'_>,
     task_size: Option<u32>,
-) -> Result<()> {
+) -> Result<O::Status> {
     let given = changed(options);
     let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Run);
     let mut of_runs = of_runs.filter(|field| Resources::TABLE.find(field.name).is_none());
@@ -299,7 +302,8 @@ pub(crate) fn plan_of<O: Divisible>(
             .remedy(format!("leave ‹{name}› out")));
     }
     check(options)?;
-    options.plan(request, task_size).map(drop)
+    not_read(options, request)?;
+    options.plan(request, task_size)
 }
 
 fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
@@ -316,9 +320,13 @@ fn check_options<O: Operation>(given: &Map<String, Json>, output: &Path) -> Resu
 
 /// All that can be known to be wrong before the work.
 fn check_all<O: Operation>(options: &O, request: Request<'_>) -> Result<()> {
-    let Request { inputs, output, .. } = request;
     check(options)?;
-    options.check(output)?;
+    options.check(request.output)?;
+    not_read(options, request)
+}
+
+/// Fails when the output is a file that is read.
+fn not_read<O: Operation>(options: &O, Request { inputs, output, .. }: Request<'_>) -> Result<()> {
     let names = inputs.names();
     // What cannot be found is told of when it is opened.
     let files = O::Input::files(names).unwrap_or_else(|_| names.to_vec());

@@ -20,7 +20,7 @@ use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::CloudTinOptions;
 use crate::jobs::grid::GridOptions;
-use crate::jobs::operation::{Divisible, Operation, Request};
+use crate::jobs::operation::{Divisible, Operation, Request, plan_of};
 use crate::jobs::tiles::TilesOptions;
 use crate::jobs::tin::TinOptions;
 use crate::jobs::translate::PointsOptions;
@@ -135,7 +135,7 @@ fn plan<O: Divisible<Input: Source>>(
     let (progress, is_measured) = (show.progress(), false);
     let progress = progress.as_ref();
     let request = Request { inputs, output, skipped, is_measured, progress, cancel };
-    let report = options.plan(request, task_size)?;
+    let report = plan_of(&options, request, task_size)?;
     show.tell(&report, || summary(&report))?;
     Ok(Outcome::Kept)
 }

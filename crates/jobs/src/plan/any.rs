@@ -203,7 +203,9 @@ impl<O: Divisible> Job<'_, O> {
         task_size: impl Into<Option<u32>>,
     ) -> Result<Plan> {
         let (folder, task_size) = (folder.into(), task_size.into());
-        self.with_request(&folder, |options, request| plan_of(options, request, task_size))?;
+        self.with_request(&folder, |options, request| {
+            plan_of(options, request, task_size).map(drop)
+        })?;
         Plan::open(folder)
     }
 }

@@ -254,10 +254,21 @@ impl<W: Work> Plan<W> {
     }
 }
 
+/// Fails where a file is in place of the folder.
+pub(crate) fn refuse_file(path: &Path) -> Result<()> {
+    match path.exists() && !path.is_dir() {
+        true => Err(Error::usage("is a file, and a folder is to be made")
+            .in_file(path)
+            .remedy("name a folder, which need not exist")),
+        false => Ok(()),
+    }
+}
+
 /// Makes the folder `path` unless it is there. Those above it are never made: a name that was mistyped
 /// would only be found by who looks for the plan.
 fn make_folder(path: &Path) -> Result<()> {
     refuse_stdout(path)?;
+    refuse_file(path)?;
     match std::fs::create_dir(path) {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Err(no_folder(path, error)),
