@@ -55,7 +55,7 @@ impl Target {
     }
 }
 
-/// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
+/// Simplify a grid into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 pub struct TinOptions {
