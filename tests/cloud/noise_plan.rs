@@ -5,11 +5,12 @@ use std::path::Path;
 
 use terrane_cloud::{Filter, OpenOptions};
 use terrane_jobs::grid::GroundFrom;
-use terrane_jobs::plan::DiskCheck;
-use terrane_jobs::translate::plan::{
-    PlanPointsJob, PointsWritten, RunPointsJob, plan_points, points_status, run_points,
+use terrane_jobs::operation::Divisible;
+use terrane_jobs::plan::{DiskCheck, Form, RunJob};
+use terrane_jobs::translate::plan::{PlanPointsJob, PointsWritten, plan_points};
+use terrane_jobs::translate::{
+    Above, Classify, HeightsAs, PointsOptions, Squares, Thin, TranslateJob,
 };
-use terrane_jobs::translate::{Above, Classify, HeightsAs, Squares, Thin, TranslateJob};
 use terrane_jobs::{Cancel, Resources, Silent};
 
 use crate::cloud_support::{Made, Packing, Place};
@@ -57,19 +58,19 @@ fn planned(job: &TranslateJob, folder: &Path, cut: u32) -> PointsWritten {
     let plan =
         PlanPointsJob { job: job.clone(), folder: folder.into(), cut: Some(cut), skipped: vec![] };
     plan_points(&plan, silent.0, &silent.1).unwrap();
-    let status = points_status(folder).unwrap();
+    let status = PointsOptions::status(folder).unwrap();
     let memory = status.forecast.least_memory.next_multiple_of(1 << 20);
     let task = |name: Option<String>| {
-        let run = RunPointsJob {
+        let run = RunJob {
             folder: folder.into(),
             task: name,
             output: None,
             overwrite: false,
-            form: (),
+            form: Form::default(),
             disk: DiskCheck::default(),
             resources: Resources { memory, threads: 2, temp_dir: None },
         };
-        run_points(&run, silent.0, &silent.1).unwrap()
+        PointsOptions::run_plan(&run, silent.0, &silent.1).unwrap()
     };
     let some = status.to_do.iter().take(3).map(|task| task.id.clone());
     some.for_each(|name| drop(task(Some(name))));

@@ -8,9 +8,10 @@ use std::path::Path;
 use crate::cli_support::Place;
 use crate::support::{Lots, Written, read};
 use terrane_gridding::parse_list;
-use terrane_jobs::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
-use terrane_jobs::grid::{GridJob, GridReport, Preset, run};
-use terrane_jobs::plan::DiskCheck;
+use terrane_jobs::grid::plan::{PlanGridJob, plan_grid};
+use terrane_jobs::grid::{GridJob, GridOptions, GridReport, Preset, run};
+use terrane_jobs::operation::Divisible;
+use terrane_jobs::plan::{DiskCheck, Form, RunJob};
 use terrane_jobs::{Cancel, Resources, Silent};
 
 const FOREST: &str = "synth:cloud,size=300,density=8,seed=7";
@@ -189,16 +190,16 @@ fn a_plan_makes_the_bytes_of_a_single_run() {
             skipped: Vec::new(),
         };
         plan_grid(&plan, &Silent, &Cancel::default()).unwrap();
-        let work = RunGridJob {
+        let work = RunJob {
             folder: folder.clone(),
             task: None,
             output: None,
             overwrite: false,
-            form: (),
+            form: Form::default(),
             disk: DiskCheck::On,
             resources: resources(2, 1024),
         };
-        let report = run_grid(&work, &Silent, &Cancel::default()).unwrap();
+        let report = GridOptions::run_plan(&work, &Silent, &Cancel::default()).unwrap();
         assert_eq!(report.made.len(), 2, "{report:?}");
         let [made, single] =
             [folder.join("grid.tif"), place.path("a.tif")].map(|path| std::fs::read(path).unwrap());

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_gridding::parse_list;
-use terrane_jobs::grid::plan::{
-    GridRun, PlanGridJob, RunGridJob, grid_status, plan_grid, run_grid,
-};
-use terrane_jobs::grid::{GridJob, GroundFrom, Preset, run};
-use terrane_jobs::plan::DiskCheck;
+use terrane_jobs::grid::plan::{CellRun, PlanGridJob, plan_grid};
+use terrane_jobs::grid::{GridJob, GridOptions, GroundFrom, Preset, run};
+use terrane_jobs::operation::Divisible;
+use terrane_jobs::plan::{DiskCheck, Form, RunJob, RunReport};
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_raster::SampleType;
 
@@ -73,17 +72,17 @@ fn enough() -> Resources {
     Resources { memory: 1 << 30, ..resources(2) }
 }
 
-fn work(folder: &Path, task: Option<&str>) -> Result<GridRun> {
-    let job = RunGridJob {
+fn work(folder: &Path, task: Option<&str>) -> Result<RunReport<CellRun>> {
+    let job = RunJob {
         folder: folder.to_path_buf(),
         task: task.map(str::to_owned),
         output: None,
         overwrite: false,
-        form: (),
+        form: Form::default(),
         disk: DiskCheck::On,
         resources: enough(),
     };
-    run_grid(&job, &Silent, &Cancel::default())
+    GridOptions::run_plan(&job, &Silent, &Cancel::default())
 }
 
 fn single(grid: &GridJob) -> Vec<u8> {
@@ -172,7 +171,7 @@ fn a_tile_of_a_model_reads_what_lies_near_it() {
     let job = GridJob { ground, max_edge: Some(9.0), resources: enough(), ..job };
     let folder = temp.path().join("work");
     plan(&folder, &job, 256).unwrap();
-    let all = grid_status(&folder).unwrap().of.points;
+    let all = GridOptions::status(&folder).unwrap().of.points;
     let read = work(&folder, Some("tile-0")).unwrap().of.points as f64 / all as f64;
     // Of a twentieth, and of a margin as wide as a square of the store.
     assert!((0.05..0.6).contains(&read), "{read}");
@@ -186,7 +185,7 @@ fn a_tile_reads_what_lies_near_it() {
         let grid = job(&files, Path::new("a.tif"), stats);
         let folder = temp.path().join(format!("{}-{task}", stats.replace([':', '='], "-")));
         plan(&folder, &grid, 256).unwrap();
-        let all = grid_status(&folder).unwrap().of.points;
+        let all = GridOptions::status(&folder).unwrap().of.points;
         work(&folder, Some(task)).unwrap().of.points as f64 / all as f64
     };
     // Those of a sixteenth; those in a margin, too; and what it takes around a wide void.
@@ -210,7 +209,7 @@ fn tasks_are_done_in_any_order_by_anyone() {
     let missing = work(&folder, Some("finish")).unwrap_err();
     assert_eq!(missing.kind(), ErrorKind::NotYet);
     assert!(missing.to_string().contains("tile-5 is not done"), "{missing}");
-    let status = grid_status(&folder).unwrap();
+    let status = GridOptions::status(&folder).unwrap();
     let left: Vec<_> = status.to_do.iter().map(|task| task.id.as_str()).collect();
     assert_eq!((left, status.done), (vec!["tile-5", "finish"], 15));
     assert!(work(&folder, Some("tile-16")).unwrap_err().to_string().contains("no task tile-16"));

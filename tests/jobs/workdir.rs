@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::ErrorKind;
 use terrane_base::Result;
-use terrane_jobs::plan::DiskCheck;
+use terrane_jobs::operation::Divisible;
+use terrane_jobs::plan::{DiskCheck, Form, RunJob};
 use terrane_jobs::tin::{
-    Form, Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
-    status_of,
+    Goal, PlanJob, RunReport, StatusReport, TinJob, TinOptions, plan_work, run, run_in,
 };
 use terrane_jobs::{Cancel, Resources, Silent};
 
@@ -43,7 +43,7 @@ fn work(folder: &Path, task: Option<&str>, threads: usize) -> Result<RunReport> 
         disk: DiskCheck::On,
         resources: resources(threads),
     };
-    run_plan(&job, &Silent, &Cancel::default())
+    TinOptions::run_plan(&job, &Silent, &Cancel::default())
 }
 
 /// The mesh of a single run.
@@ -117,7 +117,7 @@ fn tasks_may_be_done_one_by_one_in_any_order_and_twice() {
         assert_eq!(work(&folder, Some(id), 2).unwrap().made, [id.as_str()]);
         assert!(work(&folder, Some(id), 2).unwrap().made.is_empty());
     }
-    assert_eq!(status_of(&folder).unwrap().to_do.len(), 1);
+    assert_eq!(TinOptions::status(&folder).unwrap().to_do.len(), 1);
     for _ in 0..2 {
         let finished = work(&folder, Some("finish"), 2).unwrap();
         assert!(finished.of.mesh.is_some_and(|mesh| mesh.max_error.is_some_and(|e| e <= 8.0)));
@@ -164,7 +164,7 @@ fn truncated_and_lost_objects_are_done_again() {
             _ => std::fs::write(path, b"").unwrap(),
         }
     }
-    let status = status_of(&folder).unwrap();
+    let status = TinOptions::status(&folder).unwrap();
     assert_eq!(status.to_do.len(), objects.len() + 1);
     assert_eq!(work(&folder, None, 2).unwrap().made.len(), objects.len());
     assert!(remove_mesh(&folder) == expected);
@@ -180,7 +180,7 @@ fn a_finished_plan_has_nothing_to_do_until_its_mesh_is_touched() {
     let again = work(&folder, None, 2).unwrap();
     assert!(again.made.is_empty() && again.of.mesh.is_some());
     assert_eq!(again.found + 1, again.tasks);
-    let status = status_of(&folder).unwrap();
+    let status = TinOptions::status(&folder).unwrap();
     assert!(status.to_do.is_empty() && status.told.output.is_some());
     std::fs::write(folder.join("mesh.ply"), b"something else").unwrap();
     assert_eq!(work(&folder, None, 2).unwrap_err().kind(), ErrorKind::Usage);
@@ -314,7 +314,7 @@ fn the_tiles_told_are_those_used() {
             run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap();
         job.overwrite = true;
         let whole = run(&job, &Silent, &Cancel::default()).unwrap();
-        let status = status_of(&folder).unwrap();
+        let status = TinOptions::status(&folder).unwrap();
         let told = [planned.tile_cells, whole.tile_cells, status.tile_cells];
         assert_eq!(told, [used; 3], "{side}");
     }
@@ -339,7 +339,7 @@ fn neither_input_nor_plan_is_ever_the_output() {
                 disk: DiskCheck::On,
                 resources: resources(1),
             };
-            let refused = run_plan(&job, &Silent, &Cancel::default()).unwrap_err();
+            let refused = TinOptions::run_plan(&job, &Silent, &Cancel::default()).unwrap_err();
             assert_eq!(refused.kind(), ErrorKind::Usage, "{refused}");
         }
         assert!(std::fs::read(&output).unwrap() == before);
@@ -362,9 +362,15 @@ fn an_output_of_any_name_is_noted() {
         disk: DiskCheck::On,
         resources: resources(1),
     };
-    run_plan(&job, &Silent, &Cancel::default()).unwrap();
+    TinOptions::run_plan(&job, &Silent, &Cancel::default()).unwrap();
     assert!(job.output.is_some_and(|output| output.is_file()));
-    assert!(status_of(&folder).unwrap().told.output.is_some_and(|output| output.ends_with(".ply")));
+    assert!(
+        TinOptions::status(&folder)
+            .unwrap()
+            .told
+            .output
+            .is_some_and(|output| output.ends_with(".ply"))
+    );
 }
 
 #[test]
@@ -382,7 +388,10 @@ fn looking_through_what_is_done_can_be_stopped() {
         disk: DiskCheck::On,
         resources: resources(1),
     };
-    assert_eq!(run_plan(&job, &Silent, &cancel).unwrap_err().kind(), ErrorKind::Interrupted);
+    assert_eq!(
+        TinOptions::run_plan(&job, &Silent, &cancel).unwrap_err().kind(),
+        ErrorKind::Interrupted
+    );
     assert!(work(&folder, None, 1).unwrap().damaged.is_empty());
 }
 

@@ -19,7 +19,7 @@ use crate::grid::GridOptions;
 use crate::line::LineOptions;
 use crate::options::{CloudInput, FeatureInput, GridInput, GridOutput};
 use crate::outputs::not_among;
-use crate::plan::AnyPlan;
+use crate::plan::{AnyPlan, RunJob, RunReport, StatusReport, Written};
 use crate::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -180,8 +180,10 @@ pub trait Operation:
 pub trait Divisible: Operation {
     /// What a task has so many of, for people.
     const TASK_SIZE: &'static str;
-    /// What is told of its plan.
+    /// What is told of its plan beside what is told of all.
     type Status: Serialize;
+    /// What is told of work on its plan beside what is told of all.
+    type Done: Serialize + Written;
 
     /// Writes down the work in a folder, which is the request's output; each task has so many of what
     /// [`TASK_SIZE`](Self::TASK_SIZE) says, or as many as make a fair piece of work.
@@ -189,7 +191,28 @@ pub trait Divisible: Operation {
     /// # Errors
     /// Those of [`run`](Operation::run) that are found before the work; options that cannot act in pieces; a folder that
     /// holds another plan or other files.
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<Self::Status>;
+    fn plan(
+        &self,
+        request: Request<'_>,
+        task_size: Option<u32>,
+    ) -> Result<StatusReport<Self::Status>>;
+
+    /// How far the work on its plan in a folder has come; results are looked at, not read through.
+    ///
+    /// # Errors
+    /// A folder without such a plan.
+    fn status(folder: &Path) -> Result<StatusReport<Self::Status>>;
+
+    /// Works on its plan. What is written is what [`run`](Operation::run) writes, byte for byte, whoever did which task how
+    /// often.
+    ///
+    /// # Errors
+    /// Those of [`run`](Operation::run), and of any [`RunJob`].
+    fn run_plan(
+        job: &RunJob,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<RunReport<Self::Done>>;
 }
 
 /// An operation whose type does not matter any more.
@@ -292,7 +315,7 @@ pub fn plan_of<O: Divisible>(
     options: &O,
     request: Request<'_>,
     task_size: Option<u32>,
-) -> Result<O::Status> {
+) -> Result<StatusReport<O::Status>> {
     let given = changed(options);
     let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Run);
     let mut of_runs = of_runs.filter(|field| Resources::TABLE.find(field.name).is_none());

@@ -21,6 +21,7 @@ use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::CloudTinOptions;
 use crate::jobs::grid::GridOptions;
 use crate::jobs::operation::{Divisible, Operation, Request, plan_of};
+use crate::jobs::plan::StatusReport;
 use crate::jobs::tiles::TilesOptions;
 use crate::jobs::tin::TinOptions;
 use crate::jobs::translate::PointsOptions;
@@ -113,7 +114,11 @@ fn task_size_alias(operation: &str) -> &'static str {
 }
 
 impl<O: Divisible<Input: Source>> Planned<O> {
-    fn run(&self, cancel: &Cancel, summary: fn(&O::Status) -> String) -> Result<Outcome> {
+    fn run(
+        &self,
+        cancel: &Cancel,
+        summary: fn(&StatusReport<O::Status>) -> String,
+    ) -> Result<Outcome> {
         let Self { input, folder, many, options: Tabled(options, given), task_size, show } = self;
         let frame = Frame { input, output: folder, given, report: None, many, show };
         plan(options.clone(), &frame, *task_size, cancel, summary)
@@ -126,7 +131,7 @@ fn plan<O: Divisible<Input: Source>>(
     frame: &Frame<'_>,
     task_size: Option<u32>,
     cancel: &Cancel,
-    summary: fn(&O::Status) -> String,
+    summary: fn(&StatusReport<O::Status>) -> String,
 ) -> Result<Outcome> {
     let Frame { input, output, given, many, show, .. } = *frame;
     check_given(&options, given)?;

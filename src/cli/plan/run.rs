@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
-
 use crate::cli::plan::status;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
@@ -11,12 +9,16 @@ use crate::cli::shared::{Outcome, args, check, say, text};
 use crate::cli::{grid, points, tiles, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
-use crate::jobs::cloud_tin::plan::{CloudTinRun, run_cloud_tin};
-use crate::jobs::grid::plan::{GridRun, run_grid};
-use crate::jobs::plan::{self, Kind, RunOptions, Written, kind};
-use crate::jobs::tiles::run_tiles;
-use crate::jobs::tin::{Form, RunReport, TinReport, run_plan};
-use crate::jobs::translate::plan::{PointsRun, run_points};
+use crate::jobs::cloud_tin::CloudTinOptions;
+use crate::jobs::cloud_tin::plan::PointRun;
+use crate::jobs::grid::GridOptions;
+use crate::jobs::grid::plan::CellRun;
+use crate::jobs::operation::Divisible;
+use crate::jobs::plan::{Kind, RunJob, RunOptions, RunReport, Written, kind};
+use crate::jobs::tiles::{TilesOptions, TilesRun};
+use crate::jobs::tin::{MeshRun, TinOptions};
+use crate::jobs::translate::PointsOptions;
+use crate::jobs::translate::plan::SquareRun;
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
 /// then the mesh, grid, tiles or points are written. Killed, it goes on where it was when it is run again
@@ -43,9 +45,6 @@ pub(crate) struct FinishArgs {
 struct How {
     #[command(flatten)]
     options: Tabled<RunOptions>,
-    /// Write a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = "Output")]
-    split: Option<u32>,
     #[command(flatten)]
     show: args::Show,
 }
@@ -86,70 +85,54 @@ pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
 
 fn work(folder: &Path, options: &RunOptions, how: &How, cancel: &Cancel) -> Result<Outcome> {
     let job = options.job(folder.to_path_buf())?;
-    let is_part = job.task.as_deref().is_some_and(|task| task != "finish");
-    if is_part && how.split.is_some() {
-        return Err(Error::usage("only the last task writes a result")
-            .remedy("leave --split out, or run the task finish"));
-    }
     let kind = kind(folder)?;
-    how.check_split(kind, job.output.as_deref())?;
-    let progress = how.show.progress();
-    let progress = progress.as_ref();
-    match kind {
-        Kind::Tin => {
-            let form = Form { split: how.split, solid_base: None };
-            let report = run_plan(&job.formed(form), progress, cancel)?;
-            how.tell(&report, summary)?;
-            if let Some(unmet) = report.of.mesh.as_ref().and_then(TinReport::unmet) {
-                say::failure(&unmet);
-                return Ok(Outcome::Broken);
-            }
+    if let (Kind::Tin, Some(output)) = (kind, &job.output) {
+        // Whether it exists is asked later: it may be the mesh of this very plan.
+        match job.form.split {
+            Some(_) => check::folder(output)?,
+            None => check::new_file(output, true)?,
         }
-        Kind::Cloud => how.tell(&run_cloud_tin(&job, progress, cancel)?, cloud_summary)?,
-        Kind::Grid => how.tell(&run_grid(&job, progress, cancel)?, grid_summary)?,
-        Kind::Tiles => how.tell(&run_tiles(&job, progress, cancel)?, tiles_summary)?,
-        Kind::Points => how.tell(&run_points(&job, progress, cancel)?, points_summary)?,
     }
-    Ok(Outcome::Kept)
+    match kind {
+        Kind::Tin => how.work::<TinOptions>(&job, summary, cancel),
+        Kind::Cloud => how.work::<CloudTinOptions>(&job, cloud_summary, cancel),
+        Kind::Grid => how.work::<GridOptions>(&job, grid_summary, cancel),
+        Kind::Tiles => how.work::<TilesOptions>(&job, tiles_summary, cancel),
+        Kind::Points => how.work::<PointsOptions>(&job, points_summary, cancel),
+    }
 }
 
 impl How {
-    fn tell<R: Serialize>(&self, report: &R, summary: fn(&R) -> String) -> Result<()> {
-        self.show.tell(report, || summary(report)).map(drop)
-    }
-
-    /// Fails where this is no plan of what can be split, and where `output` cannot become what is asked for.
-    fn check_split(&self, kind: Kind, output: Option<&Path>) -> Result<()> {
-        match (kind, self.split) {
-            // Whether it exists is asked later: it may be the mesh of this very plan.
-            (Kind::Tin, Some(_)) => output.map_or(Ok(()), check::folder),
-            (Kind::Tin, None) => output.map_or(Ok(()), |output| check::new_file(output, true)),
-            (_, None) => Ok(()),
-            (_, Some(_)) => Err(Error::usage(format!(
-                "--split is for meshes of grids, and this is the plan of {}",
-                kind.what()
-            ))
-            .remedy("leave --split out")),
-        }
+    fn work<O: Divisible>(
+        &self,
+        job: &RunJob,
+        summary: fn(&RunReport<O::Done>) -> String,
+        cancel: &Cancel,
+    ) -> Result<Outcome> {
+        let report = O::run_plan(job, self.show.progress().as_ref(), cancel)?;
+        self.show.tell(&report, || summary(&report))?;
+        let unmet = report.of.unmet();
+        unmet.iter().for_each(|unmet| say::failure(unmet));
+        Ok(Outcome::of(unmet.is_none(), true))
     }
 }
 
-fn tiles_summary(r: &crate::jobs::tiles::RunReport) -> String {
+fn tiles_summary(r: &RunReport<TilesRun>) -> String {
     let made = format!("{} tiles", text::count(r.of.made_tiles));
     told(r, &rows(r, made, None), r.of.tiles.as_ref().map(tiles::summary))
 }
 
-fn points_summary(r: &PointsRun) -> String {
+fn points_summary(r: &RunReport<SquareRun>) -> String {
     let made = format!("{} points written", text::count(r.of.points));
     told(r, &rows(r, made, None), r.of.written.clone().map(points::by_plan))
 }
 
-fn cloud_summary(r: &CloudTinRun) -> String {
+fn cloud_summary(r: &RunReport<PointRun>) -> String {
     let made = format!("{} vertices chosen", text::count(r.of.vertices));
     told(r, &rows(r, made, None), r.of.mesh.as_ref().map(tin::cloud_summary))
 }
 
-fn grid_summary(r: &GridRun) -> String {
+fn grid_summary(r: &RunReport<CellRun>) -> String {
     let made = format!("{} points read by tiles", text::count(r.of.points));
     let mut rows = rows(r, made, None);
     if let (Some(path), None) = (&r.of.written, &r.of.grid) {
@@ -158,7 +141,7 @@ fn grid_summary(r: &GridRun) -> String {
     told(r, &rows, r.of.grid.as_ref().map(grid::summary))
 }
 
-fn summary(r: &RunReport) -> String {
+fn summary(r: &RunReport<MeshRun>) -> String {
     let made = format!("{} samples", text::count(r.of.made_samples));
     let rows = rows(r, made, Some(tin::stages(&r.of.stages)));
     told(r, &rows, r.of.mesh.as_ref().map(tin::summary))
@@ -166,7 +149,7 @@ fn summary(r: &RunReport) -> String {
 
 /// What a run of any plan did; `made` of what, and the time of its stages in threads.
 fn rows<R: Written>(
-    r: &plan::RunReport<R>,
+    r: &RunReport<R>,
     made: String,
     stages: Option<String>,
 ) -> Vec<(&'static str, String)> {
@@ -195,11 +178,7 @@ fn rows<R: Written>(
 }
 
 /// The rows of a run, and what was written.
-fn told<R>(
-    r: &plan::RunReport<R>,
-    rows: &[(&'static str, String)],
-    written: Option<String>,
-) -> String {
+fn told<R>(r: &RunReport<R>, rows: &[(&'static str, String)], written: Option<String>) -> String {
     let tasks = format!("{}\n{}", r.folder, text::table(rows));
     written.map_or(tasks.clone(), |written| format!("{tasks}\n{written}"))
 }

@@ -5,13 +5,17 @@ use std::path::PathBuf;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say, text};
 use crate::error::Result;
-use crate::jobs::cloud_tin::plan::{CloudTinStatus, cloud_tin_status};
-use crate::jobs::grid::plan::{GridStatus, grid_status};
-use crate::jobs::plan::{self, Forecast, Kind, kind};
+use crate::jobs::cloud_tin::CloudTinOptions;
+use crate::jobs::cloud_tin::plan::PointStatus;
+use crate::jobs::grid::GridOptions;
+use crate::jobs::grid::plan::CellStatus;
+use crate::jobs::operation::Divisible;
+use crate::jobs::plan::{Forecast, Kind, StatusReport, kind};
 use crate::jobs::sift::Skipped;
-use crate::jobs::tiles::{self, tiles_status};
-use crate::jobs::tin::{StatusReport, status_of};
-use crate::jobs::translate::plan::{PointsStatus, points_status};
+use crate::jobs::tiles::{TilesOptions, TilesStatus};
+use crate::jobs::tin::{MeshStatus, TinOptions};
+use crate::jobs::translate::PointsOptions;
+use crate::jobs::translate::plan::SquareStatus;
 
 /// Tell which tasks of a plan are done and which are not
 #[derive(Clone, Debug, clap::Args)]
@@ -33,28 +37,28 @@ impl Verb for Args {
 
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match kind(&args.folder)? {
-        Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
-        Kind::Cloud => tell(args, &cloud_tin_status(&args.folder)?, cloud_summary),
-        Kind::Grid => tell(args, &grid_status(&args.folder)?, grid_summary),
-        Kind::Tiles => tell(args, &tiles_status(&args.folder)?, tiles_summary),
-        Kind::Points => tell(args, &points_status(&args.folder)?, points_summary),
+        Kind::Tin => tell::<TinOptions>(args, summary),
+        Kind::Cloud => tell::<CloudTinOptions>(args, cloud_summary),
+        Kind::Grid => tell::<GridOptions>(args, grid_summary),
+        Kind::Tiles => tell::<TilesOptions>(args, tiles_summary),
+        Kind::Points => tell::<PointsOptions>(args, points_summary),
     }
 }
 
-fn tell<R: serde::Serialize>(
+fn tell<O: Divisible>(
     args: &Args,
-    report: &R,
-    summary: impl Fn(&R) -> String,
+    summary: fn(&StatusReport<O::Status>) -> String,
 ) -> Result<Outcome> {
+    let report = O::status(&args.folder)?;
     match args.json {
-        true => say::json(report)?,
-        false => say::result(&summary(report))?,
+        true => say::json(&report)?,
+        false => say::result(&summary(&report))?,
     }
     Ok(Outcome::Kept)
 }
 
 /// The plan of a grid for people.
-pub(crate) fn grid_summary(r: &GridStatus) -> String {
+pub(crate) fn grid_summary(r: &StatusReport<CellStatus>) -> String {
     let [width, height, tile] =
         [r.of.width, r.of.height, r.tile_cells].map(|n| text::count(n.into()));
     let of = [
@@ -65,7 +69,7 @@ pub(crate) fn grid_summary(r: &GridStatus) -> String {
 }
 
 /// The plan of a mesh for people.
-pub(crate) fn summary(r: &StatusReport) -> String {
+pub(crate) fn summary(r: &StatusReport<MeshStatus>) -> String {
     let error = text::number(r.of.max_error);
     let of = [
         ("samples", text::count(r.of.samples)),
@@ -75,7 +79,7 @@ pub(crate) fn summary(r: &StatusReport) -> String {
 }
 
 /// The plan of a mesh of a cloud for people.
-pub(crate) fn cloud_summary(r: &CloudTinStatus) -> String {
+pub(crate) fn cloud_summary(r: &StatusReport<PointStatus>) -> String {
     let (points, error) = (text::count(r.of.points), text::number(r.of.max_error));
     let of = [
         ("points", format!("{points} in {} regions", text::count(r.of.regions))),
@@ -85,7 +89,7 @@ pub(crate) fn cloud_summary(r: &CloudTinStatus) -> String {
 }
 
 /// The plan of squares of points for people.
-pub(crate) fn points_summary(r: &PointsStatus) -> String {
+pub(crate) fn points_summary(r: &StatusReport<SquareStatus>) -> String {
     let [columns, rows] = r.of.squares.map(text::count);
     let (side, cut) = (text::number(r.of.side), text::count(r.tile_cells.into()));
     let squares =
@@ -98,7 +102,7 @@ pub(crate) fn points_summary(r: &PointsStatus) -> String {
 }
 
 /// The plan of tiles for people.
-pub(crate) fn tiles_summary(r: &tiles::StatusReport) -> String {
+pub(crate) fn tiles_summary(r: &StatusReport<TilesStatus>) -> String {
     let of = [
         ("samples", text::count(r.of.samples)),
         ("levels", format!("0 to {}, written as {}", r.of.max_level, r.format)),
@@ -112,11 +116,7 @@ pub(crate) fn skipped(skipped: &[Skipped]) -> impl Iterator<Item = (&'static str
 }
 
 /// What is told of any plan: that of a `kind`, and of what it is.
-fn table<S>(
-    kind: &'static str,
-    of: [(&'static str, String); 2],
-    r: &plan::StatusReport<S>,
-) -> String {
+fn table<S>(kind: &'static str, of: [(&'static str, String); 2], r: &StatusReport<S>) -> String {
     let (done, left) = (text::count(r.done), text::count(r.to_do.len() as u64));
     let mut rows = vec![("plan", r.plan_id[..16].to_owned())];
     rows.extend(of);

@@ -56,7 +56,7 @@ LONG_TILES: dict[str, dict[str, Any]] = {
     "large": {"tile": 2048},
     "strict": {"tile": 1024, "strict": True},
     "fit": {"tile": 1024, "fit": True},
-    "any": {"tile": 1024, "data_dependent": True},
+    "any": {"tile": 1024, "triangulation": "data-dependent"},
     "surface": {"tile": 1024, "bound": "surface"},
     "angles": {"tile": 1024, "min_angle": 20.0},
     "number": {"tile": 1024, "max_vertices": 2_000_000},

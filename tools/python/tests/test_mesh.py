@@ -248,7 +248,7 @@ OPTIONS = [
     {"strict": True},
     {"drop": False},
     {"fit": True},
-    {"data_dependent": True},
+    {"triangulation": "data-dependent"},
     {"min_angle": 20.0},
     {"tile": 16},
 ]

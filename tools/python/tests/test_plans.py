@@ -45,7 +45,7 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
         terrane.plan(heights, tmp_path / "work", 5.0)
     with pytest.raises(terrane.Error, match="memory of one process"):
         terrane.plan_grid(np.zeros((9, 3)), tmp_path / "work", cell=1.0)
-    with pytest.raises(terrane.Error, match="nothing to reach"):
+    with pytest.raises(terrane.Error, match="no target given"):
         terrane.plan(DEM, tmp_path / "work")
     for option in ({"cell": 1.0}, {"stat": "max"}, {"overwrite": True}):
         with pytest.raises(TypeError, match=min(option)):

@@ -278,7 +278,7 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
     (np.full((5, 5), np.nan), {}, "."),
     (np.zeros((1, 5)), {}, "."),
     (np.broadcast_to(np.zeros(()), (2, 2**31)), {}, "."),
-    (np.zeros((5, 5)), {"max_error": None}, "nothing to reach"),
+    (np.zeros((5, 5)), {"max_error": None}, "no target given"),
     (np.zeros((5, 5)), {"max_error": -1.0}, "."),
     (np.zeros((5, 5)), {"max_error": np.nan}, "."),
     (np.zeros((5, 5)), {"max_vertices": 10}, "three goals"),

@@ -4,16 +4,15 @@ use std::path::Path;
 
 use terrane_options::{Options, Range, Rule};
 
-use super::plan::{CloudTinStatus, PlanCloudTinJob, plan_cloud_tin, run_in};
+use super::plan::run_in;
 use super::{CloudTinJob, CloudTinReport, run};
 use crate::Resources;
-use crate::operation::{Divisible, Operation, Request, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{CloudInput, FileOutput, Resuming};
 use crate::placing::Placing;
 use crate::tin::Constraints;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::OpenOptions;
-use terrane_mesh as mesh;
 use terrane_raster::Inputs;
 
 /// Simplify a point cloud into a triangle mesh with a proven vertical error bound
@@ -98,25 +97,5 @@ impl Operation for CloudTinOptions {
             None => run(&job, progress, cancel),
             Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
         }
-    }
-}
-
-impl Divisible for CloudTinOptions {
-    const TASK_SIZE: &'static str = "Most points of a task, but for the 131,072 that are worked on together \
-                                     [default: about 17 million]";
-    type Status = CloudTinStatus;
-
-    /// In PLY unless told otherwise.
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<CloudTinStatus> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
-        let format = mesh::by_path(folder, Some(self.file.format.as_deref().unwrap_or("PLY")))?;
-        let output = folder.join("mesh").with_extension(format.extensions[0]);
-        let job = CloudTinJob {
-            format: Some(format.name.to_owned()),
-            measure: false,
-            ..self.job(inputs, &output)?
-        };
-        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-        plan_cloud_tin(&PlanCloudTinJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }
 }

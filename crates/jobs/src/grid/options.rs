@@ -4,18 +4,15 @@ use std::path::Path;
 
 use terrane_options::{Options, Range, Rule};
 
-use super::plan::{GridStatus, plan_grid};
 use super::{Canopy, Compat, GridJob, GridReport, GroundFrom, NODATA, Placement, Preset, run};
 use crate::Resources;
-use crate::operation::{Divisible, Operation, Request, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{
     AsText, Bounds, CellSize, CloudInput, FileName, FileOutput, FiniteOrNan, GridOutput, Place,
     SampleTypeName, StatisticList,
 };
-use crate::plan::PlanJob;
 use terrane_base::error::{Error, Result};
 use terrane_gridding::parse_list;
-use terrane_raster::write::by_name;
 use terrane_raster::{Inputs, SampleType};
 
 /// Make a grid of a cloud of points: statistics of the points in each cell
@@ -189,25 +186,5 @@ impl Operation for GridOptions {
 
     fn run(&self, request: Request<'_>) -> Result<GridReport> {
         run(&self.job(request.inputs, request.output)?, request.progress, request.cancel)
-    }
-}
-
-impl Divisible for GridOptions {
-    const TASK_SIZE: &'static str = "Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it \
-                                     [default: as many as have about 67 million points]";
-    type Status = GridStatus;
-
-    /// In a GeoTIFF unless told otherwise.
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<GridStatus> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
-        let format = by_name(self.file.format.as_deref().unwrap_or("GTiff"))?;
-        let output = folder.join("grid").with_extension(format.extensions[0]);
-        // What a plan wrote before is told of by the run.
-        let mut planned = self.clone();
-        planned.file.replacing.overwrite = true;
-        planned.check(&output)?;
-        let job = planned.job(inputs, &output)?;
-        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-        plan_grid(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }
 }

@@ -2,17 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{Options, check};
+use terrane_options::{Options, Range, check};
 
-use super::{DiskCheck, Kind, RunJob, RunReport, StatusReport, TaskReport, Written, kind};
+use super::{DiskCheck, Form, Kind, RunJob, RunReport, StatusReport, TaskReport, Written, kind};
 use crate::Resources;
-use crate::cloud_tin::plan::{cloud_tin_status, run_cloud_tin};
-use crate::grid::plan::{grid_status, run_grid};
+use crate::cloud_tin::CloudTinOptions;
+use crate::grid::GridOptions;
 use crate::operation::{Divisible, Job, Request, plan_of};
 use crate::options::{FileName, Replacing};
-use crate::tiles::{run_tiles, tiles_status};
-use crate::tin::{Form, run_plan, status_of};
-use crate::translate::plan::{points_status, run_points};
+use crate::tiles::TilesOptions;
+use crate::tin::TinOptions;
+use crate::translate::PointsOptions;
+use crate::{Cancel, Progress};
 use terrane_base::error::{Error, Result};
 use terrane_files::name_of;
 use terrane_raster::Inputs;
@@ -88,11 +89,11 @@ impl Plan {
     /// A damaged plan, or one of another version.
     pub fn status(&self) -> Result<PlanStatus> {
         match self.kind {
-            Kind::Tin => status_of(&self.folder).map(PlanStatus::of),
-            Kind::Cloud => cloud_tin_status(&self.folder).map(PlanStatus::of),
-            Kind::Grid => grid_status(&self.folder).map(PlanStatus::of),
-            Kind::Tiles => tiles_status(&self.folder).map(PlanStatus::of),
-            Kind::Points => points_status(&self.folder).map(PlanStatus::of),
+            Kind::Tin => status_of::<TinOptions>(&self.folder),
+            Kind::Cloud => status_of::<CloudTinOptions>(&self.folder),
+            Kind::Grid => status_of::<GridOptions>(&self.folder),
+            Kind::Tiles => status_of::<TilesOptions>(&self.folder),
+            Kind::Points => status_of::<PointsOptions>(&self.folder),
         }
     }
 
@@ -129,6 +130,9 @@ pub struct RunOptions {
     /// File, or folder of tiles or points, to write
     #[option(short = 'o', value = "FILE", with = FileName, default_text = "in the folder", heading = "Output")]
     pub output: Option<PathBuf>,
+    /// Write a mesh of a grid as a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
+    #[option(value = "N", range = Range::new(1.0, 65_536.0), heading = "Output")]
+    pub split: Option<u32>,
     /// What is there already.
     #[option(flatten)]
     pub replacing: Replacing,
@@ -149,17 +153,20 @@ impl RunOptions {
     ///
     /// # Errors
     /// Usage: an output of a task that writes none.
-    pub fn job(&self, folder: PathBuf) -> Result<RunJob<()>> {
+    pub fn job(&self, folder: PathBuf) -> Result<RunJob> {
         check(self)?;
-        let Self { task, output, replacing: Replacing { overwrite }, disk_check, resources } =
-            self.clone();
+        let Self { task, output, split, replacing, disk_check, resources } = self.clone();
+        let overwrite = replacing.overwrite;
         let is_part = task.as_deref().is_some_and(|task| task != "finish");
-        if is_part && (output.is_some() || overwrite) {
+        let given =
+            [("output", output.is_some()), ("overwrite", overwrite), ("split", split.is_some())];
+        if let Some((name, _)) = given.into_iter().find(|(_, is)| is_part && *is) {
             return Err(Error::usage("only the last task writes a result")
-                .remedy("leave ‹output› and ‹overwrite› out, or run the task finish with them"));
+                .remedy(format!("leave ‹{name}› out, or run the task finish with it")));
         }
         let disk = if disk_check { DiskCheck::On } else { DiskCheck::Off };
-        Ok(RunJob { folder, task, output, overwrite, form: (), disk, resources })
+        let form = Form { split, ..Form::default() };
+        Ok(RunJob { folder, task, output, overwrite, form, disk, resources })
     }
 }
 
@@ -177,16 +184,22 @@ impl Job<'_, RunOptions> {
             let folder = terrane_files::path_of(&inputs.names()[0]).into_owned();
             let (kind, job) = (kind(&folder)?, options.job(folder)?);
             match kind {
-                Kind::Tin => {
-                    run_plan(&job.formed(Form::default()), progress, cancel).map(PlanRun::of)
-                }
-                Kind::Cloud => run_cloud_tin(&job, progress, cancel).map(PlanRun::of),
-                Kind::Grid => run_grid(&job, progress, cancel).map(PlanRun::of),
-                Kind::Tiles => run_tiles(&job, progress, cancel).map(PlanRun::of),
-                Kind::Points => run_points(&job, progress, cancel).map(PlanRun::of),
+                Kind::Tin => run::<TinOptions>(&job, progress, cancel),
+                Kind::Cloud => run::<CloudTinOptions>(&job, progress, cancel),
+                Kind::Grid => run::<GridOptions>(&job, progress, cancel),
+                Kind::Tiles => run::<TilesOptions>(&job, progress, cancel),
+                Kind::Points => run::<PointsOptions>(&job, progress, cancel),
             }
         })
     }
+}
+
+fn status_of<O: Divisible>(folder: &Path) -> Result<PlanStatus> {
+    O::status(folder).map(PlanStatus::of)
+}
+
+fn run<O: Divisible>(job: &RunJob, progress: &dyn Progress, cancel: &Cancel) -> Result<PlanRun> {
+    O::run_plan(job, progress, cancel).map(PlanRun::of)
 }
 
 impl<O: Divisible> Job<'_, O> {

@@ -34,7 +34,7 @@ pub(crate) use folder::Survey;
 pub(crate) use planned::{PlannedGrid, grid_files};
 pub use report::{DiskCheck, Forecast, RunReport, StatusReport, TaskReport, Told, Written};
 pub(crate) use report::{Needs, shared};
-pub use run::{PlanJob, RunJob};
+pub use run::{Form, PlanJob, RunJob};
 pub(crate) use run::{run, run_in, status};
 pub use sheet::{Kind, kind};
 pub(crate) use sheet::{PLAN, Plan, refuse_file};
@@ -43,6 +43,27 @@ pub(crate) use work::{At, Made, Named, Numbered, Order, Work};
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
+
+/// What [`Divisible`](crate::operation::Divisible) asks of an operation whose plans are of this kind of work.
+macro_rules! planned_as {
+    ($work:ty, $status:ty, $done:ty) => {
+        type Status = $status;
+        type Done = $done;
+
+        fn status(folder: &Path) -> Result<crate::plan::StatusReport<$status>> {
+            crate::plan::status::<$work>(folder)
+        }
+
+        fn run_plan(
+            job: &crate::plan::RunJob,
+            progress: &dyn crate::Progress,
+            cancel: &crate::Cancel,
+        ) -> Result<crate::plan::RunReport<$done>> {
+            crate::plan::run::<$work>(job, progress, cancel)
+        }
+    };
+}
+pub(crate) use planned_as;
 
 /// Most tasks of a plan.
 pub(crate) const MOST_TASKS: u64 = 1 << 22;

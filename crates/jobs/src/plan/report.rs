@@ -125,6 +125,11 @@ pub struct StatusReport<S> {
 pub trait Written {
     /// Where what it is for is, if it is written.
     fn written(&self) -> Option<&str>;
+
+    /// What was asked for and is not so.
+    fn unmet(&self) -> Option<String> {
+        None
+    }
 }
 
 /// What a run of a plan did; `R` is what only its kind tells.

@@ -7,12 +7,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::Serialize;
+
 use super::folder::{Folder, Survey};
 use super::object::Done;
 use super::output::{Output, last_output};
 use super::report::{DiskCheck, RunReport, StatusReport};
 use super::work::{At, Made, Named, Order};
-use super::{Look, PLAN, Work, kept};
+use super::{Kind, Look, PLAN, Work, kept};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -59,7 +61,7 @@ impl<J: Clone> PlanJob<J> {
 /// made with, with `NotYet` while another does all that is left and for a task whose inputs are not done,
 /// and with `CannotWrite` when the disk has too little room.
 #[derive(Clone, Debug)]
-pub struct RunJob<F> {
+pub struct RunJob {
     /// The folder of the plan.
     pub folder: PathBuf,
     /// One task by name; all that is not done when `None`.
@@ -69,27 +71,28 @@ pub struct RunJob<F> {
     /// Replace what is there.
     pub overwrite: bool,
     /// What else is asked of what is written.
-    pub form: F,
+    pub form: Form,
     /// Whether to begin where the disk seems to have too little room.
     pub disk: DiskCheck,
     /// What the work may use.
     pub resources: Resources,
 }
 
-impl RunJob<()> {
-    /// The same, with what else is asked of what is written.
-    pub fn formed<F>(self, form: F) -> RunJob<F> {
-        let Self { folder, task, output, overwrite, form: (), disk, resources } = self;
-        RunJob { folder, task, output, overwrite, form, disk, resources }
-    }
+/// What else is asked of a mesh of a grid that is written at the end of a plan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Form {
+    /// Write a folder of meshes, each of so many by so many tiles.
+    pub split: Option<u32>,
+    /// STL and 3MF: close the surface down to this height.
+    pub solid_base: Option<f64>,
 }
 
-impl<F> RunJob<F> {
+impl RunJob {
     /// All that is left to do in a folder, until the output is there.
     pub(crate) fn until(
         (folder, output): (&Path, &Path),
         overwrite: bool,
-        form: F,
+        form: Form,
         (disk, resources): (DiskCheck, &Resources),
     ) -> Self {
         Self {
@@ -131,11 +134,16 @@ pub(crate) fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
 
 /// Works on a plan.
 pub(crate) fn run<W: Work>(
-    job: &RunJob<W::Form>,
+    job: &RunJob,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
     let started = Instant::now();
+    if W::KIND != Kind::Tin && job.form != Form::default() {
+        let message =
+            format!("‹split› is for meshes of grids, and this is the plan of {}", W::KIND.what());
+        return Err(Error::usage(message).remedy("leave ‹split› out"));
+    }
     let folder = Folder::<W>::open(&job.folder)?;
     let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
     let _lock = folder.enter(task.is_none())?;
@@ -154,7 +162,7 @@ pub(crate) fn run<W: Work>(
 
 /// Plans by `plan` and runs what is left, so that a run that was killed goes on where it was.
 pub(crate) fn run_in<W: Work>(
-    job: &RunJob<W::Form>,
+    job: &RunJob,
     plan: impl FnOnce() -> Result<()>,
     At { progress, cancel }: At<'_>,
 ) -> Result<RunReport<W::Run>> {
@@ -180,7 +188,7 @@ struct Run<'a, W: Work> {
 
 impl<'a, W: Work> Run<'a, W> {
     /// With the input opened; what `writes` the result looks first at what is in its place.
-    fn new(folder: &'a Folder<W>, job: &RunJob<W::Form>, writes: bool, at: At<'a>) -> Result<Self> {
+    fn new(folder: &'a Folder<W>, job: &RunJob, writes: bool, at: At<'a>) -> Result<Self> {
         let path = match &job.output {
             Some(path) => path.clone(),
             None => folder.path.join(folder.plan.work.output(&job.form)?),
@@ -197,7 +205,7 @@ impl<'a, W: Work> Run<'a, W> {
         }
         let mut resources = job.resources.clone();
         resources.temp_dir.get_or_insert_with(|| folder.path.clone());
-        let order = Order { output: path, overwrite, form: job.form.clone(), resources };
+        let order = Order { output: path, overwrite, form: job.form, resources };
         let opened = W::open(&folder.plan, order)?;
         if writes {
             W::check_output(&opened, at)?;

@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::folder::Survey;
 use super::report::{StatusReport, Written};
-use super::{Digest, Kind, Look, Plan};
+use super::{Digest, Form, Kind, Look, Plan};
 use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
 
@@ -29,8 +29,6 @@ pub(crate) trait Work: Clone + Sync + Serialize + DeserializeOwned {
     type Task: Copy + Ord + Send + Sync + fmt::Display + 'static;
     /// What an object tells of itself without being read through.
     type Facts: Clone + PartialEq + Send + Sync + Serialize + DeserializeOwned;
-    /// What else is asked of what is written at the end.
-    type Form: Clone + Serialize;
     /// What a run tells beside what all do.
     type Run: Default + Written;
     /// What is noted of what was written.
@@ -56,10 +54,10 @@ pub(crate) trait Work: Clone + Sync + Serialize + DeserializeOwned {
     fn tell(&self) -> StatusReport<Self::Status>;
 
     /// The name in the folder of what is written at the end.
-    fn output(&self, form: &Self::Form) -> Result<PathBuf>;
+    fn output(&self, form: &Form) -> Result<PathBuf>;
 
     /// Opens the input; fails when it is not what the plan was made for.
-    fn open(plan: &Plan<Self>, order: Order<Self::Form>) -> Result<Self::Opened>;
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Self::Opened>;
 
     /// Fails before the work where the output cannot be written.
     fn check_output(opened: &Self::Opened, at: At<'_>) -> Result<()>;
@@ -103,10 +101,10 @@ impl At<'_> {
 }
 
 /// What is to be written, and what the work may use.
-pub(crate) struct Order<F> {
+pub(crate) struct Order {
     pub(crate) output: PathBuf,
     pub(crate) overwrite: bool,
-    pub(crate) form: F,
+    pub(crate) form: Form,
     pub(crate) resources: Resources,
 }
 

@@ -6,11 +6,13 @@ use tempfile::TempDir;
 
 use super::{ModelOptions, TilesJob, TilesReport};
 use crate::beside;
-use crate::grid::plan::{PlanGridJob, RunGridJob, plan_grid, run_grid};
+use crate::grid::GridOptions;
+use crate::grid::plan::{PlanGridJob, plan_grid};
 use crate::grid::{self, GridJob, Placement, Preset};
 use crate::memory::with_polygons;
+use crate::operation::Divisible;
 use crate::outputs::place;
-use crate::plan::{DiskCheck, refuse_file};
+use crate::plan::{DiskCheck, Form, RunJob, refuse_file};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
@@ -165,16 +167,16 @@ impl GroundModel {
             skipped: kept.skipped.to_vec(),
         };
         plan_grid(&plan, progress, cancel)?;
-        let run = RunGridJob {
+        let run = RunJob {
             folder,
             task: None,
             output: Some(path.clone()),
             overwrite: true,
-            form: (),
+            form: Form::default(),
             disk: kept.disk,
             resources: resources.clone(),
         };
-        let made = run_grid(&run, progress, cancel)?.of.grid;
+        let made = GridOptions::run_plan(&run, progress, cancel)?.of.grid;
         self.made(path, made.map_or_else(Vec::new, |made| made.notes), None)
     }
 

@@ -40,8 +40,9 @@ use terrane_options::check;
 use crate::beside;
 use crate::figures::Figures;
 use crate::memory::{self, Shares};
+use crate::operation::{Divisible, Request};
 use crate::options::GridInput;
-use crate::plan::{self, At, DiskCheck, Kind, Plan};
+use crate::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, planned_as};
 use crate::sift::Skipped;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
@@ -105,12 +106,8 @@ impl TilesJob {
 
 /// Tiles to plan; a task has so many tiles of regions, or of levels above them (`cut`).
 pub type PlanJob = plan::PlanJob<TilesJob>;
-/// Work on the plan of tiles.
-pub type RunJob = plan::RunJob<()>;
 /// The plan of tiles, or how far the work on it has come.
 pub type StatusReport = plan::StatusReport<TilesStatus>;
-/// What a run of the plan of tiles did.
-pub type RunReport = plan::RunReport<TilesRun>;
 
 /// A grid that is opened, and how the work on it is divided.
 struct Opened {
@@ -156,6 +153,19 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     Ok(TilesReport { run, ..made })
 }
 
+impl Divisible for TilesOptions {
+    const TASK_SIZE: &'static str = "Tiles in a task: regions of about a million samples, each made with all tiles in it, or \
+                                     larger ones [default: 128]";
+    planned_as!(Tiles, TilesStatus, TilesRun);
+
+    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
+        let Request { inputs, output: folder, skipped, .. } = request;
+        let job = self.job(inputs, &folder.join("tiles"));
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_tiles(&PlanJob { job, folder, cut: task_size, skipped })
+    }
+}
+
 /// Writes down what is to be made, from what, by which tasks, and what they need.
 ///
 /// # Errors
@@ -172,31 +182,14 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let there = Plan::<Tiles>::there(folder);
     let needs = there.map_or_else(|| tiles.needs(&opened), |plan| Ok(plan.needs))?;
     Plan::new(tiles, files, needs, skipped)?.put(folder)?;
-    tiles_status(folder)
-}
-
-/// How far the work in a folder has come; results are looked at, not read through.
-///
-/// # Errors
-/// A folder without the plan of tiles.
-pub fn tiles_status(folder: &Path) -> Result<StatusReport> {
     plan::status::<Tiles>(folder)
-}
-
-/// Works on the plan of tiles, which are those of [`run`] on the same request, byte for byte, whoever did which
-/// task how often.
-///
-/// # Errors
-/// Those of [`run`], and of any [`RunJob`].
-pub fn run_tiles(job: &RunJob, progress: &dyn Progress, cancel: &Cancel) -> Result<RunReport> {
-    plan::run::<Tiles>(job, progress, cancel)
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
 /// `skipped` are files that are left out of the input, to be noted in the plan.
 ///
 /// # Errors
-/// Those of [`plan_tiles`] and [`run_tiles`].
+/// Those of [`plan_tiles`] and of any [`RunJob`].
 pub fn run_in(
     folder: &Path,
     job: &TilesJob,
@@ -206,7 +199,7 @@ pub fn run_in(
     cancel: &Cancel,
 ) -> Result<TilesReport> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, (), with);
+    let all = RunJob::until(to, job.overwrite, Form::default(), with);
     let plan = || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop);
     let report = plan::run_in::<Tiles>(&all, plan, At { progress, cancel })?;
     let mut tiles = Kind::Tiles.made(report.of.tiles)?;

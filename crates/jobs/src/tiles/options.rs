@@ -5,12 +5,11 @@ use std::path::Path;
 use terrane_options::{Options, Range, Rule};
 
 use super::{
-    Beyond, Format, GroundModel, Kept, PlanJob, StatusReport, TilesJob, TilesReport, check_formats,
-    plan_tiles, run, run_cloud, run_in,
+    Beyond, Format, GroundModel, Kept, TilesJob, TilesReport, check_formats, run, run_cloud, run_in,
 };
 use crate::Resources;
 use crate::grid::GroundFrom;
-use crate::operation::{Divisible, Operation, Request, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{AsText, CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
 use crate::verify::CloudTilesProof;
 use terrane_base::error::Result;
@@ -161,7 +160,7 @@ impl Operation for TilesOptions {
 }
 
 impl TilesOptions {
-    fn job(&self, inputs: &Inputs, output: &Path) -> TilesJob {
+    pub(super) fn job(&self, inputs: &Inputs, output: &Path) -> TilesJob {
         TilesJob {
             reading: self.grid.clone(),
             overwrite: self.replacing.overwrite,
@@ -169,19 +168,6 @@ impl TilesOptions {
             resources: self.resources.clone(),
             ..TilesJob::new(inputs.clone(), output)
         }
-    }
-}
-
-impl Divisible for TilesOptions {
-    const TASK_SIZE: &'static str = "Tiles in a task: regions of about a million samples, each made with all tiles in it, or \
-                                     larger ones [default: 128]";
-    type Status = StatusReport;
-
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
-        let Request { inputs, output: folder, skipped, .. } = request;
-        let job = self.job(inputs, &folder.join("tiles"));
-        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-        plan_tiles(&PlanJob { job, folder, cut: task_size, skipped })
     }
 }
 

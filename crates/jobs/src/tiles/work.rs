@@ -18,8 +18,8 @@ use terrane_options::Choice;
 use crate::figures::Figures;
 use crate::memory::{self, with_slack};
 use crate::plan::{
-    self, At, Kind, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport, Survey,
-    Work,
+    self, At, Form, Kind, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport,
+    Survey, Work,
 };
 use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -167,7 +167,6 @@ impl Work for Tiles {
 
     type Task = Task;
     type Facts = Facts;
-    type Form = ();
     type Run = TilesRun;
     type Note = TilesReport;
     type Status = TilesStatus;
@@ -236,11 +235,11 @@ impl Work for Tiles {
         }
     }
 
-    fn output(&self, (): &()) -> Result<PathBuf> {
+    fn output(&self, _: &Form) -> Result<PathBuf> {
         Ok(PathBuf::from("tiles"))
     }
 
-    fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Ready> {
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Ready> {
         let Order { output, overwrite, resources, .. } = order;
         let Self { method, grid } = &plan.work;
         let mut job = TilesJob { output, overwrite, resources, ..method.job.clone() };

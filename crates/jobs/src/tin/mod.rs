@@ -48,7 +48,4 @@ pub use run::{Outcome, Settings, run_on};
 pub use tally::Flaws;
 pub use textbook::{Textbook, run_by};
 pub(crate) use units::{horizontal_unit, vertical_unit};
-pub use workdir::{
-    Form, MeshRun, MeshStatus, PlanJob, RunJob, RunReport, StatusReport, plan_work, run_in,
-    run_plan, status_of,
-};
+pub use workdir::{MeshRun, MeshStatus, PlanJob, RunReport, StatusReport, plan_work, run_in};

@@ -5,12 +5,12 @@ use std::path::Path;
 use terrane_options::{Codec, Options, Range, Rule, check};
 
 use super::{
-    Goal, PlanJob, Refinement, StatusReport, TILE_CELLS, Textbook, TinJob, TinReport, USUAL_TILE,
-    plan_work, run, run_bands, run_by, run_in,
+    Goal, Refinement, TILE_CELLS, Textbook, TinJob, TinReport, USUAL_TILE, run, run_bands, run_by,
+    run_in,
 };
 use crate::Resources;
 use crate::bands::Bands;
-use crate::operation::{Divisible, Operation, Request, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{
     FileOutput, Finite, GREEDY, GridInput, KeyValue, MeshMethodName, PrintLength, Reprojection,
     Resuming,
@@ -139,7 +139,7 @@ const RULES: &[Rule] = &[
 
 impl TinOptions {
     /// The method, where it is not greedy insertion in tiles.
-    fn textbook(&self) -> Result<Option<Textbook>> {
+    pub(super) fn textbook(&self) -> Result<Option<Textbook>> {
         let triangulation = self.refinement.triangulation;
         if self.method == GREEDY {
             return match triangulation {
@@ -263,21 +263,5 @@ impl Operation for TinOptions {
             (None, Some(by)) => run_by(&job, &by, progress, cancel),
             (None, None) => run(&job, progress, cancel),
         }
-    }
-}
-
-impl Divisible for TinOptions {
-    const TASK_SIZE: &'static str =
-        "Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]";
-    type Status = StatusReport;
-
-    /// In PLY unless told otherwise.
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
-        self.textbook()?;
-        let format = mesh::by_path(folder, Some(self.file.format.as_deref().unwrap_or("PLY")))?;
-        let job = self.job(inputs, &folder.join("mesh").with_extension(format.extensions[0]))?;
-        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-        plan_work(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use terrane_options::{Choice, Options, Range, Rule};
 
-use super::plan::{PointsStatus, plan_points, run_in};
+use super::plan::run_in;
 use super::{
     Above, Assign, BufferMark, Classify, HeightsAs, Overlap, Sort, Split, Squares, Thin,
     TranslateJob, TranslateReport, run,
@@ -13,11 +13,10 @@ use super::{
 use crate::Resources;
 use crate::figures::Figures;
 use crate::grid::GroundFrom;
-use crate::operation::{Divisible, Operation, Request, Writes};
+use crate::operation::{Operation, Request, Writes};
 use crate::options::{
     AsFormula, AsNumber, AsText, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
-use crate::plan::PlanJob;
 use terrane_base::error::Result;
 use terrane_cloud::{LasVersion, OpenOptions, PointFormat};
 
@@ -189,18 +188,5 @@ impl Operation for PointsOptions {
         let written = run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel)?;
         let run = Figures::since(start, &self.resources);
         Ok(TranslateReport { run, ..TranslateReport::from(written) })
-    }
-}
-
-impl Divisible for PointsOptions {
-    const TASK_SIZE: &'static str = "Squares along the side of a task, which reads what lies near them \
-                                     [default: as many as have about 67 million points]";
-    type Status = PointsStatus;
-
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<PointsStatus> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
-        let job = self.job(inputs.names(), &folder.join("points"))?;
-        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-        plan_points(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }
 }

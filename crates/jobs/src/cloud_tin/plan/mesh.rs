@@ -19,7 +19,7 @@ use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
 use crate::kept::Features;
 use crate::memory::beside_polygons;
 use crate::plan::{
-    self, At, Digest, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
+    self, At, Digest, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
     refuse_another,
 };
 use crate::points::{PointStore, ShelfWriter, Shelves, Tiling};
@@ -388,7 +388,6 @@ impl Work for CloudMesh {
 
     type Task = Task;
     type Facts = Facts;
-    type Form = ();
     type Run = PointRun;
     type Note = CloudTinReport;
     type Status = PointStatus;
@@ -423,12 +422,12 @@ impl Work for CloudMesh {
         }
     }
 
-    fn output(&self, (): &()) -> Result<PathBuf> {
+    fn output(&self, _: &Form) -> Result<PathBuf> {
         let format = mesh::by_path(Path::new(""), Some(&self.method.format))?;
         Ok(Path::new("mesh").with_extension(format.extensions[0]))
     }
 
-    fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
         let Self { label, method, cloud, .. } = &plan.work;
         let resources = beside_polygons(&method.options, &resources);

@@ -20,22 +20,22 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{CloudTinJob, CloudTinReport, REGION_POINTS};
-use crate::plan::{self, At, DiskCheck, Kind, Plan, StatusReport, Written};
+use super::{CloudTinJob, CloudTinOptions, CloudTinReport, REGION_POINTS};
+use crate::operation::{Divisible, Request};
+use crate::plan::{
+    self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport, Written, planned_as,
+};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use mesh::{CloudMesh, Opened, Whole};
 use terrane_base::error::{Error, Result};
 use terrane_files::refuse_held;
+use terrane_mesh::by_path;
 
 /// A mesh of a cloud to plan; a task has so many points at the most (`cut`).
 pub type PlanCloudTinJob = plan::PlanJob<CloudTinJob>;
-/// Work on the plan of a mesh of a cloud.
-pub type RunCloudTinJob = plan::RunJob<()>;
 /// The plan of a mesh of a cloud, or how far the work on it has come.
 pub type CloudTinStatus = StatusReport<PointStatus>;
-/// What a run of the plan of a mesh of a cloud did.
-pub type CloudTinRun = plan::RunReport<PointRun>;
 
 /// What is told of the plan of a mesh of a cloud alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -59,6 +59,34 @@ pub struct PointRun {
 impl Written for PointRun {
     fn written(&self) -> Option<&str> {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
+    }
+
+    fn unmet(&self) -> Option<String> {
+        self.mesh.as_ref().and_then(CloudTinReport::unmet)
+    }
+}
+
+impl Divisible for CloudTinOptions {
+    const TASK_SIZE: &'static str = "Most points of a task, but for the 131,072 that are worked on together \
+                                     [default: about 17 million]";
+    planned_as!(CloudMesh, PointStatus, PointRun);
+
+    /// In PLY unless told otherwise.
+    fn plan(
+        &self,
+        request: Request<'_>,
+        task_size: Option<u32>,
+    ) -> Result<StatusReport<PointStatus>> {
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let format = by_path(folder, Some(self.file.format.as_deref().unwrap_or("PLY")))?;
+        let output = folder.join("mesh").with_extension(format.extensions[0]);
+        let job = CloudTinJob {
+            format: Some(format.name.to_owned()),
+            measure: false,
+            ..self.job(inputs, &output)?
+        };
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_cloud_tin(&PlanCloudTinJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }
 }
 
@@ -94,7 +122,7 @@ pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Resu
     };
     let files = mesh.files(&opened);
     Plan::new(mesh, files, needs, skipped)?.put(folder)?;
-    cloud_tin_status(folder)
+    plan::status::<CloudMesh>(folder)
 }
 
 /// Fails for what the whole cloud has to be there for.
@@ -109,32 +137,11 @@ fn refuse_lines(job: &CloudTinJob) -> Result<()> {
     }
 }
 
-/// How far the work in `folder` has come; results are looked at, not read through.
-///
-/// # Errors
-/// A folder without the plan of a mesh of a cloud.
-pub fn cloud_tin_status(folder: &Path) -> Result<CloudTinStatus> {
-    plan::status::<CloudMesh>(folder)
-}
-
-/// Works on the plan of a mesh of a cloud, which is that of [`run`](super::run) on the same request, byte for byte,
-/// whoever did which task how often.
-///
-/// # Errors
-/// Those of [`run`](super::run), and of any [`RunCloudTinJob`].
-pub fn run_cloud_tin(
-    job: &RunCloudTinJob,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<CloudTinRun> {
-    plan::run::<CloudMesh>(job, progress, cancel)
-}
-
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
 /// `skipped` are files that are left out of the input, to be noted in the plan.
 ///
 /// # Errors
-/// Those of [`plan_cloud_tin`] and [`run_cloud_tin`].
+/// Those of [`plan_cloud_tin`] and of any [`RunJob`].
 pub fn run_in(
     folder: &Path,
     job: &CloudTinJob,
@@ -144,7 +151,7 @@ pub fn run_in(
     cancel: &Cancel,
 ) -> Result<CloudTinReport> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunCloudTinJob::until(to, job.overwrite, (), with);
+    let all = RunJob::until(to, job.overwrite, Form::default(), with);
     let plan =
         || plan_cloud_tin(&PlanCloudTinJob::all(job, folder, skipped), progress, cancel).map(drop);
     let run = plan::run_in::<CloudMesh>(&all, plan, At { progress, cancel })?;

@@ -1,8 +1,11 @@
 //! Plans against one run, where regions are small and many rounds go by.
 
 use super::*;
-use crate::cloud_tin::plan::{PlanCloudTinJob, RunCloudTinJob, plan_regions, run_cloud_tin};
+use crate::cloud_tin::CloudTinOptions;
+use crate::cloud_tin::plan::{PlanCloudTinJob, plan_regions};
+use crate::operation::Divisible;
 use crate::plan::DiskCheck;
+use crate::plan::{Form, RunJob};
 
 /// Most points of a region, and of a task.
 const FEW: [u64; 2] = [300, 20_000];
@@ -24,16 +27,17 @@ fn added(cloud: &str, tolerance: f64, classes: Option<Vec<u8>>) -> [u64; 4] {
     let status = plan_regions(&plan, FEW[0], at).unwrap();
     assert_eq!(status.of.regions, told.regions);
     let (to, with) = ((&*work, &*planned), (DiskCheck::On, &plan.job.resources));
-    let all = RunCloudTinJob::until(to, false, (), with);
+    let all = RunJob::until(to, false, Form::default(), with);
     let run = |task: &str| {
-        let job = RunCloudTinJob { task: Some(task.to_owned()), output: None, ..all.clone() };
-        run_cloud_tin(&job, &Silent, &Cancel::default()).unwrap().of.vertices
+        let job = RunJob { task: Some(task.to_owned()), output: None, ..all.clone() };
+        CloudTinOptions::run_plan(&job, &Silent, &Cancel::default()).unwrap().of.vertices
     };
     let mut added = ["choose", "prove", "again", "finish"].map(|round| {
         let of_round = status.to_do.iter().rev().filter(|task| task.id.starts_with(round));
         of_round.filter(|task| task.id != "finish").map(|task| run(&task.id)).sum()
     });
-    let made = run_cloud_tin(&all, &Silent, &Cancel::default()).unwrap().of.mesh.unwrap();
+    let made =
+        CloudTinOptions::run_plan(&all, &Silent, &Cancel::default()).unwrap().of.mesh.unwrap();
     added[3] = made.vertices - added.iter().sum::<u64>();
     let [whole, planned] = [whole, planned].map(|path| std::fs::read(path).unwrap());
     assert!(whole == planned, "{cloud}: other bytes");

@@ -87,7 +87,7 @@ impl Grid {
     }
 
     /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
-    pub(super) fn open(&self, order: Order<()>) -> Result<Opened> {
+    pub(super) fn open(&self, order: Order) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
         let resources = beside_polygons(&self.method.cloud, &resources);
         let mut job = GridJob { output, overwrite, resources, ..self.method.clone() };

@@ -13,12 +13,14 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::GridJob;
 use super::extent::Extent;
 use super::preset::{Making, Preset, Seen};
 use super::report::GridReport;
+use super::{GridJob, GridOptions};
+use crate::operation::{Divisible, Operation, Request};
 use crate::plan::{
-    self, At, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, Written,
+    self, At, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, Written,
+    planned_as,
 };
 use crate::sift::Losses;
 use crate::{Cancel, Progress, Resources};
@@ -26,17 +28,13 @@ use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, Census, PointSource};
 use terrane_files::{name_of, refuse_held};
-use terrane_raster::write;
+use terrane_raster::write::{self, by_name};
 use tile::Opened;
 
 /// A grid to plan.
 pub type PlanGridJob = plan::PlanJob<GridJob>;
-/// Work on the plan of a grid.
-pub type RunGridJob = plan::RunJob<()>;
 /// The plan of a grid, or how far the work on it has come.
 pub type GridStatus = StatusReport<CellStatus>;
-/// What a run of the plan of a grid did.
-pub type GridRun = plan::RunReport<CellRun>;
 
 /// What is told of the plan of a grid alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -63,6 +61,30 @@ pub struct CellRun {
 impl Written for CellRun {
     fn written(&self) -> Option<&str> {
         self.written.as_deref()
+    }
+}
+
+impl Divisible for GridOptions {
+    const TASK_SIZE: &'static str = "Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it \
+                                     [default: as many as have about 67 million points]";
+    planned_as!(Grid, CellStatus, CellRun);
+
+    /// In a GeoTIFF unless told otherwise.
+    fn plan(
+        &self,
+        request: Request<'_>,
+        task_size: Option<u32>,
+    ) -> Result<StatusReport<CellStatus>> {
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let format = by_name(self.file.format.as_deref().unwrap_or("GTiff"))?;
+        let output = folder.join("grid").with_extension(format.extensions[0]);
+        // What a plan wrote before is told of by the run.
+        let mut planned = self.clone();
+        planned.file.replacing.overwrite = true;
+        planned.check(&output)?;
+        let job = planned.job(inputs, &output)?;
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_grid(&PlanGridJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }
 }
 
@@ -114,7 +136,7 @@ pub fn plan_grid(
     let expect = || probe::expect(&opened, &grid.grid, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     Plan::new(grid, files, needs, skipped)?.put(folder)?;
-    grid_status(folder)
+    plan::status::<Grid>(folder)
 }
 
 /// What a model of the terrain has to know of the whole cloud.
@@ -129,23 +151,6 @@ fn look(
     let part = None;
     let making = Making { job, extent, reading, threads, memory, points, part, progress, cancel };
     Seen::look(preset, points.info(), &making)
-}
-
-/// How far the work in `folder` has come; results are looked at, not read through.
-///
-/// # Errors
-/// A folder without the plan of a grid.
-pub fn grid_status(folder: &Path) -> Result<GridStatus> {
-    plan::status::<Grid>(folder)
-}
-
-/// Works on the plan of a grid, which is that of [`run`](crate::grid::run) on the same request, byte for
-/// byte, whoever did which task how often.
-///
-/// # Errors
-/// Those of a cloud-to-grid job, and of any [`RunGridJob`].
-pub fn run_grid(job: &RunGridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridRun> {
-    plan::run::<Grid>(job, progress, cancel)
 }
 
 /// The points a tile is made of.
@@ -165,7 +170,6 @@ impl Work for Grid {
 
     type Task = Tile;
     type Facts = Facts;
-    type Form = ();
     type Run = CellRun;
     type Note = ();
     type Status = CellStatus;
@@ -201,12 +205,12 @@ impl Work for Grid {
         }
     }
 
-    fn output(&self, (): &()) -> Result<PathBuf> {
+    fn output(&self, _: &Form) -> Result<PathBuf> {
         let format = write::by_name(self.method.format.as_deref().unwrap_or_default())?;
         Ok(Path::new("grid").with_extension(format.extensions[0]))
     }
 
-    fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
         plan.work.open(order)
     }
 

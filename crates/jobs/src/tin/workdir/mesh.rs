@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use super::object::{Facts, ObjectWriter, object_bytes};
 use super::shelf::Shelf;
 use super::tasks::{Strips, Task};
-use super::{Form, MeshRun, MeshStatus};
+use super::{MeshRun, MeshStatus};
 use crate::beside;
 use crate::memory;
 use crate::plan::{
-    self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport,
-    Survey, Work,
+    self, At, Form, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid,
+    StatusReport, Survey, Work,
 };
 use crate::tin::cost::{nanoseconds, seconds};
 use crate::tin::estimate::Size;
@@ -62,7 +62,7 @@ impl Mesh {
     }
 
     /// The job that writes the mesh.
-    fn job(&self, order: Order<Form>) -> TinJob {
+    fn job(&self, order: Order) -> TinJob {
         let Order { output, overwrite, form: Form { split, solid_base }, resources } = order;
         let job = self.method.job.clone();
         TinJob { output, overwrite, split, solid_base, measure: true, resources, ..job }
@@ -136,7 +136,6 @@ impl Work for Mesh {
 
     type Task = Task;
     type Facts = Facts;
-    type Form = Form;
     type Run = MeshRun;
     type Note = TinReport;
     type Status = MeshStatus;
@@ -181,7 +180,7 @@ impl Work for Mesh {
         Ok(Path::new("mesh").with_extension(ending))
     }
 
-    fn open(plan: &Plan<Self>, order: Order<Form>) -> Result<Ready> {
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Ready> {
         let tin = plan.work.job(order);
         let mut opened = Opened::new(&tin)?;
         opened.height_origin = plan.work.method.height_origin;

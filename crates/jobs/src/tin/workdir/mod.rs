@@ -15,34 +15,26 @@ pub(super) use object::{ObjectWriter, Record};
 use super::estimate::Estimator;
 use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
+use super::options::TinOptions;
 use super::refinement::Refinement;
 use super::report::{Clock, StageReport, TinReport};
-use crate::plan::{self, DiskCheck, PLAN, Plan, Written};
+use crate::operation::{Divisible, Request};
+use crate::plan::{self, DiskCheck, Form, PLAN, Plan, RunJob, Written, planned_as};
 use crate::sift::Skipped;
 use crate::transform::Transform;
 use crate::{Cancel, Progress};
 use mesh::Mesh;
 use terrane_base::error::{Error, Result};
 use terrane_files::refuse_held;
+use terrane_mesh::by_path;
 use terrane_tin::Spec;
 
 /// A mesh to plan.
 pub type PlanJob = plan::PlanJob<TinJob>;
-/// Work on the plan of a mesh.
-pub type RunJob = plan::RunJob<Form>;
 /// The plan of a mesh, or how far the work on it has come.
 pub type StatusReport = plan::StatusReport<MeshStatus>;
 /// What a run of the plan of a mesh did.
 pub type RunReport = plan::RunReport<MeshRun>;
-
-/// What is asked of a mesh beside what its plan says.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Form {
-    /// Write a folder of meshes, each of so many by so many tiles.
-    pub split: Option<u32>,
-    /// STL and 3MF: close the surface down to this height.
-    pub solid_base: Option<f64>,
-}
 
 /// What is told of the plan of a mesh alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -67,6 +59,10 @@ impl Written for MeshRun {
     fn written(&self) -> Option<&str> {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
     }
+
+    fn unmet(&self) -> Option<String> {
+        self.mesh.as_ref().and_then(TinReport::unmet)
+    }
 }
 
 impl Default for MeshRun {
@@ -87,6 +83,22 @@ impl MeshRun {
                 None => self.stages.push(more),
             }
         }
+    }
+}
+
+impl Divisible for TinOptions {
+    const TASK_SIZE: &'static str =
+        "Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]";
+    planned_as!(Mesh, MeshStatus, MeshRun);
+
+    /// In PLY unless told otherwise.
+    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        self.textbook()?;
+        let format = by_path(folder, Some(self.file.format.as_deref().unwrap_or("PLY")))?;
+        let job = self.job(inputs, &folder.join("mesh").with_extension(format.extensions[0]))?;
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_work(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)
     }
 }
 
@@ -138,29 +150,12 @@ fn plan_checked(
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     let files = mesh::files(&tin, &*opened.source);
     Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;
-    status_of(&job.folder)
+    plan::status::<Mesh>(&job.folder)
 }
 
 fn budget() -> Error {
     Error::usage("a plan needs a tolerance: no task alone can tell which one meets a budget")
         .remedy("pass ‹max_error›")
-}
-
-/// How far the work in the folder `path` has come; objects are looked at, not read through.
-///
-/// # Errors
-/// A folder without the plan of a mesh.
-pub fn status_of(path: &Path) -> Result<StatusReport> {
-    plan::status::<Mesh>(path)
-}
-
-/// Works on the plan of a mesh, which is that of [`run`](crate::tin::run) on the same request, byte for
-/// byte, whoever did which task how often.
-///
-/// # Errors
-/// Those of a grid-to-TIN job, and of any [`RunJob`].
-pub fn run_plan(job: &RunJob, progress: &dyn Progress, cancel: &Cancel) -> Result<RunReport> {
-    plan::run::<Mesh>(job, progress, cancel)
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is
@@ -183,7 +178,7 @@ pub fn run_in(
     let form = Form { split: job.split, solid_base: job.solid_base };
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let run = RunJob::until(to, job.overwrite, form, with);
-    run_plan(&run, progress, cancel).and_then(whole)
+    plan::run::<Mesh>(&run, progress, cancel).and_then(whole)
 }
 
 /// The report on the mesh, with the time and work of the whole run.

@@ -12,8 +12,11 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::TranslateJob;
-use crate::plan::{self, At, DiskCheck, Kind, Plan, StatusReport, Written};
+use super::{PointsOptions, TranslateJob};
+use crate::operation::{Divisible, Request};
+use crate::plan::{
+    self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport, Written, planned_as,
+};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use manifest::Points;
@@ -22,12 +25,8 @@ use terrane_files::refuse_held;
 
 /// Squares of points to plan; a task has so many squares along its side (`cut`).
 pub type PlanPointsJob = plan::PlanJob<TranslateJob>;
-/// Work on the plan of points.
-pub type RunPointsJob = plan::RunJob<()>;
 /// The plan of points, or how far the work on it has come.
 pub type PointsStatus = StatusReport<SquareStatus>;
-/// What a run of the plan of points did.
-pub type PointsRun = plan::RunReport<SquareRun>;
 
 /// What is told of the plan of points alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -71,6 +70,23 @@ pub struct PointsWritten {
     pub notes: Vec<String>,
 }
 
+impl Divisible for PointsOptions {
+    const TASK_SIZE: &'static str = "Squares along the side of a task, which reads what lies near them \
+                                     [default: as many as have about 67 million points]";
+    planned_as!(Points, SquareStatus, SquareRun);
+
+    fn plan(
+        &self,
+        request: Request<'_>,
+        task_size: Option<u32>,
+    ) -> Result<StatusReport<SquareStatus>> {
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let job = self.job(inputs.names(), &folder.join("points"))?;
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_points(&PlanPointsJob { job, folder, cut: task_size, skipped }, progress, cancel)
+    }
+}
+
 /// Writes down what is to be made, from what, by which tasks, and what they need. Where something is told of the
 /// ground, or noise is found by all points, these are looked at once. A few squares are made, to tell the size of the
 /// results, and thrown away.
@@ -93,35 +109,14 @@ pub fn plan_points(
     let expect = || probe::expect(&opened, &work, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     Plan::new(work, files, needs, skipped)?.put(folder)?;
-    points_status(folder)
-}
-
-/// How far the work in `folder` has come; results are looked at, not read through.
-///
-/// # Errors
-/// A folder without the plan of points.
-pub fn points_status(folder: &Path) -> Result<PointsStatus> {
     plan::status::<Points>(folder)
-}
-
-/// Works on the plan of points, which are those of [`run`](super::run) on the same request, byte for byte, whoever did
-/// which task how often.
-///
-/// # Errors
-/// Those of [`run`](super::run), and of any [`RunPointsJob`].
-pub fn run_points(
-    job: &RunPointsJob,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<PointsRun> {
-    plan::run::<Points>(job, progress, cancel)
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
 /// `skipped` are files that are left out of the input, to be noted in the plan.
 ///
 /// # Errors
-/// Those of [`plan_points`] and [`run_points`].
+/// Those of [`plan_points`] and of any [`RunJob`].
 pub fn run_in(
     folder: &Path,
     job: &TranslateJob,
@@ -131,7 +126,7 @@ pub fn run_in(
     cancel: &Cancel,
 ) -> Result<PointsWritten> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunPointsJob::until(to, job.overwrite, (), with);
+    let all = RunJob::until(to, job.overwrite, Form::default(), with);
     let plan =
         || plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel).map(drop);
     let run = plan::run_in::<Points>(&all, plan, At { progress, cancel })?;

@@ -12,7 +12,7 @@ use super::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
 use crate::memory::beside_polygons;
 use crate::plan::{
-    At, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
+    At, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
     refuse_another,
 };
 use crate::sift::Losses;
@@ -122,7 +122,6 @@ impl Work for Points {
 
     type Task = Block;
     type Facts = Facts;
-    type Form = ();
     type Run = SquareRun;
     type Note = PointsWritten;
     type Status = SquareStatus;
@@ -159,11 +158,11 @@ impl Work for Points {
         }
     }
 
-    fn output(&self, (): &()) -> Result<PathBuf> {
+    fn output(&self, _: &Form) -> Result<PathBuf> {
         Ok(PathBuf::from("points"))
     }
 
-    fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
         let Self { label, method, blocks, looked } = &plan.work;
         let mut job = TranslateJob { output, overwrite, ..method.job()? };
