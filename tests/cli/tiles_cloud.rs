@@ -156,7 +156,15 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     place.ok(&["tin", "g.asc", "m.ply", "--max-error", "1", "-q"]);
     place.fails(&["verify", "m.ply", "g.asc", "--cell", "1"], 2, &["--cell", "terrain tiles"]);
     place.ok(&["tiles", "g.asc", "g", "--max-level", "4", "-q"]);
-    place.fails(&["verify", "g", "g.asc", "--ground", "class"], 2, &["--ground", "g.asc"]);
-    place.fails(&["verify", "g", "g.asc", "--ground", "auto"], 2, &["--ground", "g.asc"]);
+    place.fails(
+        &["verify", "g", "g.asc", "--ground", "class"],
+        2,
+        &["--ground is for terrain tiles of point clouds"],
+    );
+    place.fails(
+        &["verify", "g", "g.asc", "--ground", "auto"],
+        2,
+        &["--ground is for terrain tiles of point clouds"],
+    );
     place.fails(&["verify", "m.ply", "g.asc", "--ground", "auto"], 2, &["--ground"]);
 }
