@@ -22,8 +22,8 @@ use crate::jobs::tiles::{self, CloudTilesOptions, TilesOptions, TilesReport};
 /// terrane grid --dtm makes it, and the samples are those of the model.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. Or point clouds. The last
-    /// name is that of the folder to make
+    /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. Or point clouds. Stdin is - for a
+    /// grid and cloud:- for points. The last name is that of the folder to make
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     pub(super) input: Vec<String>,
     #[arg(skip)]

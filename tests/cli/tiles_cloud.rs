@@ -149,6 +149,7 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     );
     place.write("g.asc", cli_support::GRID).write("g.prj", "EPSG:32631");
     place.fails(&["tiles", "g.asc", "t", "--cell", "1"], 2, &["--cell", "g.asc"]);
+    place.fails(&["tiles", "-", "t", "--ground", "auto"], 2, &["--ground", "cloud:-"]);
     place.fails(&["tiles", "g.asc", "t", "--ground", "auto"], 2, &["--ground", "g.asc"]);
     place.fails(&["tiles", "g.asc", "t", "--class", "2"], 2, &["--class is for point clouds"]);
     place.write("p.xyz", "1 2 3\n4 5 6\n7 9 3\n8 1 2\n");
