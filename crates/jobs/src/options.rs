@@ -95,7 +95,8 @@ pub struct CloudInput {
     /// Only points within this box, its borders included
     #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds)]
     pub bounds: Option<[f64; 4]>,
-    /// Only points inside the polygons of a file of features, in the system of the cloud
+    /// Only points inside the polygons of a file of features, in the system of the cloud, or on western and southern borders of
+    /// these
     #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads)]
     pub clip: Option<String>,
     /// Which points.

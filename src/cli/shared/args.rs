@@ -28,8 +28,9 @@ pub(crate) struct Grid {
     /// within this box, its borders included; of a mesh that is shown, its own part
     #[arg(long, visible_alias = "bbox", value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true, value_parser = parse::bbox)]
     pub(crate) bounds: Option<[f64; 4]>,
-    /// Polygons of a file of features, in the system of the grid or cloud: samples outside of all of them are taken
-    /// for voids; those on a border stay, and rings within a polygon are holes; points outside are left out
+    /// Polygons of a file of features, in the system of the grid or cloud; rings within a polygon are holes. Samples outside
+    /// of all of them are taken for voids, and those on a border stay; points outside are left out, and of those on a border
+    /// the ones on eastern and northern borders
     #[arg(long, visible_alias = "polygon", value_name = "FILE", value_parser = names::any())]
     pub(crate) clip: Option<String>,
 }
