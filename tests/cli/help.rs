@@ -43,6 +43,9 @@ fn help_and_version_go_to_stdout() {
         let wrong = place.run(&["plan", what, "--no-such-option"]);
         assert!(wrong.err.contains(&format!("see `terrane plan {what} --help`")), "{}", wrong.err);
     }
+    // Its task is the last one.
+    let finish = place.ok(&["plan", "finish", "--help"]).out;
+    assert!(finish.contains("--output") && !finish.contains("--task"), "{finish}");
     // As they were called before.
     for verb in ["run", "status", "finish"] {
         assert!(!help.out.contains(&format!("\n  {verb} ")));

@@ -21,7 +21,7 @@ do_task() {
   local try code
   for ((try = 1; ; try++)); do
     code=0
-    "$terrane" run "$workdir" --task "$@" --threads "$threads" --progress none || code=$?
+    "$terrane" plan run "$workdir" --task "$@" --threads "$threads" --progress none || code=$?
     case $code in
       0) return ;;
       69 | 73 | 74) ((try < ${TRIES:-3})) || return "$code" ;;

@@ -32,6 +32,7 @@ pub(crate) struct Args {
 
 /// Write the mesh, grid, tiles or points of a plan whose other tasks are all done
 #[derive(Clone, Debug, clap::Args)]
+#[command(mut_arg("task", |task| task.hide(true)))]
 pub(crate) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
