@@ -90,7 +90,7 @@ impl Summary for TranslateReport {
 }
 
 /// What is read, as the command line has it.
-pub(super) trait Source: Input + Clone {
+pub(super) trait Source: Input {
     /// What names stand for, the last of them being the output; and where all are inputs.
     const NAMES: &'static str;
     const NAMES_PLANNED: &'static str;

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
+use terrane_options::Codec;
 
 use crate::atomic;
-use crate::cli::shared::points::parse_format;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, report};
 use crate::cloud;
@@ -14,6 +14,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::draw::{self, DrawJob};
+use crate::jobs::options::PointFormatNumber;
 use crate::jobs::survey::{self, SurveyJob};
 use crate::synth::lines::Lines;
 use crate::vector;
@@ -30,7 +31,7 @@ pub(super) struct Args {
     /// GeoTIFF to write, a .las or .laz file for a cloud, or any file of features for lines
     output: PathBuf,
     /// Format of the points of a cloud: 0 to 3 (LAS 1.2) or 6 to 8 (LAS 1.4) [default: 6]
-    #[arg(long, value_name = "N", value_parser = parse_format)]
+    #[arg(long, value_name = "N", value_parser = <PointFormatNumber as Codec<PointFormat>>::parse)]
     point_format: Option<PointFormat>,
     /// Replace a file that exists
     #[arg(long)]

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # An element of a Slurm job array: does some of the tasks that a file lists, one name a line.
 #
-#     sbatch --array=0-N terrane-array.sh WORKDIR LIST COUNT [OPTION OF terrane run...]
+#     sbatch --array=0-N terrane-array.sh WORKDIR LIST COUNT [OPTION OF terrane plan run...]
 #
 # Element I does the COUNT lines from line I x COUNT on. Tasks that are done are left alone, so an
 # element may be requeued or submitted again at any time. TERRANE is the program, TRIES how often

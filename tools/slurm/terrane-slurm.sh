@@ -2,7 +2,7 @@
 # Submits what is to do of a terrane plan to Slurm, as jobs that wait for each other: an array for each kind
 # of task (of a mesh the strips and the seams, of a cloud's mesh its rounds, of a grid its tiles, of points their squares), and the result.
 #
-#     terrane-slurm.sh WORKDIR [OPTION OF sbatch...] [-- OPTION OF terrane run...]
+#     terrane-slurm.sh WORKDIR [OPTION OF sbatch...] [-- OPTION OF terrane plan run...]
 #
 # TERRANE is the program [terrane], ELEMENTS the most elements of an array [1000], BATCH the fewest
 # tasks of an element [1], OUTPUT the file to write [in the folder]. Prints the numbers of the jobs.
@@ -25,13 +25,13 @@ terrane=${TERRANE:-terrane}
 export TERRANE=$terrane
 array=$(dirname "$(realpath "$0")")/terrane-array.sh
 # Fails here, before anything is made, when the folder holds no plan.
-status=$("$terrane" status "$workdir" --json)
+status=$("$terrane" plan status "$workdir" --json)
 # One folder for each submission: jobs of an earlier one may still read their lists.
 lists=$workdir/slurm/$(date +%Y%m%d-%H%M%S)-$$
 mkdir -p "$lists"
 
 after=()
-# submit KIND COUNT [OPTION OF terrane run...]: an array for the list of that kind, after the last.
+# submit KIND COUNT [OPTION OF terrane plan run...]: an array for the list of that kind, after the last.
 submit() {
   local kind=$1 count=$2 tasks elements job
   shift 2

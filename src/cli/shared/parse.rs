@@ -67,7 +67,4 @@ mod tests {
             assert!(bbox(text).is_err(), "{text}");
         }
     }
-
-    #[test]
-    fn sides_of_cells_are_one_or_two() {}
 }

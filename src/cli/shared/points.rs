@@ -3,7 +3,7 @@
 use crate::cli::shared::args::Grid;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::text;
-use crate::cloud::{Census, OpenOptions, PointFormat};
+use crate::cloud::{Census, OpenOptions};
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::Resources;
@@ -51,10 +51,4 @@ pub(crate) fn census(census: &Census) -> String {
     let left_out: String =
         left_out.map(|(count, how)| format!(", {} {how}", text::count(*count))).collect();
     format!("{} of {}{left_out}", text::count(census.kept), text::count(census.read))
-}
-
-/// A point format by number.
-pub(crate) fn parse_format(text: &str) -> std::result::Result<PointFormat, String> {
-    let number = text.parse().map_err(|_| "expected a number".to_owned())?;
-    PointFormat::new(number).map_err(|error| error.to_string())
 }
