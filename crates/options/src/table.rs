@@ -140,7 +140,7 @@ pub struct Field {
 impl Field {
     /// Whether a value asks for anything: null does not, nor does `false` where the name alone is enough.
     pub fn is_given(&self, value: &Json) -> bool {
-        !value.is_null() && !(self.bare.is_some() && value == false)
+        !(value.is_null() || self.bare.is_some() && value == false)
     }
 
     /// Fails for a number out of the range; what was expected is in the error.
