@@ -89,6 +89,7 @@ pub use terrane_jobs::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom
 pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
 pub use terrane_jobs::operation::{
     AnyOperation, Divisible, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,
+    check_named,
 };
 pub use terrane_jobs::options::{CloudInput, GridInput, PointFilter};
 pub use terrane_jobs::placing::Placing;

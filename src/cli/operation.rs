@@ -362,9 +362,9 @@ where
         }
         _ => atomic::refuse_stdout(&output).map(|()| None)?,
     };
+    options.check(&output)?;
     input = many.find(&input, opening.kind())?;
     input.iter().try_for_each(|name| O::Input::check(name, many, given))?;
-    options.check(&output)?;
     // A list of files is read, too.
     let lists = named_input.iter().filter_map(|name| name.strip_prefix('@')).map(str::to_owned);
     let read = [O::Input::files(&input)?, read_beside(options)?, lists.collect()].concat();

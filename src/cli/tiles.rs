@@ -78,14 +78,8 @@ impl Verb for Args {
         let (given, report) = (self.options.given(), report.as_deref());
         let frame = Frame { input, output, given, report, many, show };
         match many.are_clouds(input)? {
-            true => operation::run(
-                self.options.of::<CloudTilesOptions>(&input[0], "a point cloud")?,
-                frame,
-                call,
-            ),
-            false => {
-                operation::run(self.options.of::<TilesOptions>(&input[0], "none")?, frame, call)
-            }
+            true => operation::run(self.options.of::<CloudTilesOptions>(&input[0])?, frame, call),
+            false => operation::run(self.options.of::<TilesOptions>(&input[0])?, frame, call),
         }
     }
 }

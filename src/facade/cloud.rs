@@ -180,7 +180,7 @@ impl Cloud {
     /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
     /// let made = cloud.tin().max_error(0.5).breaklines(kerb.to_str().unwrap()).write(&path)?;
     /// assert!(made.max_error <= Some(0.5) && made.breaklines.unwrap().apart == 0);
-    /// let proof = cloud.verify(&path).breaklines(&kerb).run()?;
+    /// let proof = cloud.verify(&path).breaklines(kerb.to_str().unwrap()).run()?;
     /// assert!(proof.verdict.passed && proof.verdict.judged);
     ///
     /// let plan = cloud.tin().max_error(0.5).plan(&work, None)?;

@@ -466,10 +466,11 @@ fn polygons_leave_less_of_the_memory() {
         let least = (40..400).find(|memory| run(*memory, false).code == 0).unwrap();
         let short = run(least, true);
         assert_eq!(short.code, 75, "{verb:?} {least}: {}", short.err);
-        let told = ["round.wkt", "MiB of polygons", "--memory", "more for the polygons"];
+        let told = ["round.wkt", "MiB of polygons", "--memory", "simplify the polygons"];
         assert!(told.iter().all(|word| short.err.contains(word)), "{}", short.err);
-        let enough = run(least + 17, true);
-        assert_eq!(enough.code, 0, "{verb:?} {least}: {}", enough.err);
+        let advised = short.err.split("--memory ").nth(1).unwrap().split('M').next().unwrap();
+        let enough = run(advised.parse().unwrap(), true);
+        assert_eq!(enough.code, 0, "{verb:?} {advised}: {}", enough.err);
     }
     // What takes more than half of all is refused by itself.
     let told = ["round.wkt", "200001 vertices", "--memory", "simplify"];

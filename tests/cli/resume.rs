@@ -238,3 +238,51 @@ fn options_of_the_mesh_are_for_the_last_task() {
     }
     place.fails(&["run", "work", "--task", "seam-4294967295"], 2, &["no task seam-4294967295"]);
 }
+
+/// What is asked for otherwise is another plan, also where it was not asked for before; what is said that would be so
+/// without is the same.
+#[test]
+fn another_option_is_another_plan_and_a_default_is_none() {
+    let place = Place::new();
+    place.ok(&["synth", "cloud,size=60,density=4,seed=5", "c.las", "-q"]);
+    place.ok(&["grid", "c.las", "g.tif", "--cell", "1", "--stat", "max,min", "-q"]);
+    let near = "POLYGON ((500010 4750010, 500045 4750010, 500045 4750040, 500010 4750010))";
+    place.write("near.wkt", near).write("near.prj", "EPSG:32631");
+    let job = |folder: &str, input: &str, more: &[&str]| {
+        let output = format!("{folder}.ply");
+        let first =
+            ["tin", input, &output, "--max-error", "1", "--tile", "16", "--workdir", folder];
+        place.run(&[&first[..], more, &["-q", "--overwrite"]].concat())
+    };
+    let lines = ["--breaklines", "near.wkt"];
+    for (number, (first, then, code)) in [
+        (&[][..], &["--band", "2"][..], 2),
+        (&["--band", "2"], &["--band", "1"], 2),
+        (&["--band", "1"], &[], 0),
+        (&[], &["--band", "1"], 0),
+        (&[], &["--triangulation", "delaunay"], 0),
+        (&["--triangulation", "delaunay"], &[], 0),
+        (&[], &["--triangulation", "data-dependent"], 2),
+        (&[], &["--to-crs", "EPSG:4326"], 2),
+        (&[], &["--clip", "near.wkt"], 2),
+        (&lines, &[lines[0], lines[1], "--clip", lines[1]], 2),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let folder = format!("w{number}");
+        assert_eq!(job(&folder, "g.tif", first).code, 0, "{first:?}");
+        let ran = job(&folder, "g.tif", then);
+        assert_eq!(ran.code, code, "{first:?} {then:?}: {}", ran.err);
+        assert!(code == 0 || ran.err.contains("holds another plan"), "{}", ran.err);
+    }
+    let cloud = |more: &[&str]| {
+        let first = ["tin", "c.las", "c.ply", "--max-error", "1", "--workdir", "wc", "-q"];
+        place.run(&[&first[..], more].concat())
+    };
+    assert_eq!(cloud(&[]).code, 0);
+    let ran = cloud(&["--where", "z > 200"]);
+    assert!(ran.code == 2 && ran.err.contains("holds another plan"), "{}", ran.err);
+    let plan = ["plan", "tin", "g.tif", "-o", "p", "--max-error", "1"];
+    place.fails(&[&plan[..], &["--cut", "9"]].concat(), 2, &["--cut is for point clouds"]);
+}

@@ -138,9 +138,9 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     let tiles = |more: &[&str], words: &[&str]| {
         place.fails(&[&["tiles", CLOUD, "t"], more].concat(), 2, words);
     };
-    tiles(&["--band", "2"], &["--band", "a point cloud"]);
-    tiles(&["--band", "1"], &["--band", "a point cloud"]);
-    tiles(&["--nodata", "0"], &["--nodata", "a point cloud"]);
+    tiles(&["--band", "2"], &["--band", "not for point clouds"]);
+    tiles(&["--band", "1"], &["--band", "not for point clouds"]);
+    tiles(&["--nodata", "0"], &["--nodata", "not for point clouds"]);
     tiles(&["--meshopt"], &["--meshopt", "--format 3dtiles"]);
     place.fails(
         &["plan", "tiles", CLOUD, "-o", "work"],

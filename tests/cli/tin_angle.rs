@@ -93,7 +93,11 @@ fn angles_that_cannot_be_are_refused_by_name() {
         2,
         &["26.565"],
     );
-    place.fails(&[&job[..], &["--method", "greedy4"], &ANGLE].concat(), 2, &["--method", ANGLE[0]]);
+    place.fails(
+        &[&job[..], &["--method", "greedy4"], &ANGLE].concat(),
+        2,
+        &["--method greedy4 cannot be used with --min-angle"],
+    );
     place.ok(&["synth", "cloud,size=20,density=2", "c.laz", "-q"]);
     let cloud = ["tin", "c.laz", "o.ply", "--max-error", "1"];
     place.fails(&[&cloud[..], &ANGLE].concat(), 2, &["--min-angle is for grids"]);

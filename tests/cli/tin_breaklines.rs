@@ -155,7 +155,7 @@ fn what_cannot_be_followed_is_refused() {
         place.fails(
             &[&job[..], &["--method", other]].concat(),
             2,
-            &["--method cannot be used with --breaklines"],
+            &[other, "cannot be used with --breaklines"],
         );
     }
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--breaklines", "--min-angle"]);

@@ -87,7 +87,11 @@ fn what_does_not_go_with_fitting_is_refused_by_name() {
     for option in ["--strict", "--no-drop"] {
         place.fails(&[&job[..], &[option]].concat(), 2, &["--fit", option]);
     }
-    place.fails(&[&job[..], &["--method", "greedy4"]].concat(), 2, &["--method", "--fit"]);
+    place.fails(
+        &[&job[..], &["--method", "greedy4"]].concat(),
+        2,
+        &["--method greedy4 cannot be used with --fit"],
+    );
     place.ok(&["synth", "cloud,size=20,density=2", "c.laz", "-q"]);
     let cloud = ["tin", "c.laz", "o.ply", "--max-error", "1", "--fit"];
     place.fails(&cloud, 2, &["--fit is for grids"]);

@@ -89,7 +89,7 @@ fn what_a_method_does_not_have_is_refused_by_name() {
         let named = option.trim_end_matches(|c: char| c == 'w' || c.is_ascii_digit()).trim();
         refused(
             &format!("--max-error 4 --method greedy1 {option}"),
-            &["--method cannot be used with", named],
+            &["--method greedy1 cannot be used with", named],
         );
     }
     refused("--max-error 4 --method vip --triangulation split3", &["vip has no --triangulation"]);

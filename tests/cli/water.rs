@@ -214,7 +214,7 @@ fn what_cannot_be_made_level_is_refused() {
     place.fails(
         &[&job[..], &["--method", "drop"]].concat(),
         2,
-        &["--method cannot be used with --water"],
+        &["--method drop cannot be used with --water"],
     );
     place.fails(
         &[&job[..], &["--bands", "1"]].concat(),

@@ -134,14 +134,24 @@ pub(crate) fn with_polygons<T>(
     let path = options.filter.polygon.as_ref().and_then(|polygon| polygon.path());
     work(beside_polygons(options, resources)).map_err(|error| match path {
         Some(path) if error.kind() == ErrorKind::Resource && error.path().is_none() => {
-            let remedy = error.remedy_text().unwrap_or("pass more ‹memory›").to_owned();
+            let remedy = with_more(error.remedy_text().unwrap_or("pass more ‹memory›"), held);
             error
                 .at(format_args!("beside {held} MiB of polygons"))
                 .in_file(path)
-                .remedy(format!("{remedy}, and {held}M more for the polygons, or simplify them"))
+                .remedy(format!("{remedy}, or simplify the polygons"))
         }
         _ => error,
     })
+}
+
+/// A remedy that advises so many MiB more.
+fn with_more(remedy: &str, more: u64) -> String {
+    let advised = || {
+        let (before, rest) = remedy.split_once("‹memory› ")?;
+        let (number, after) = rest.split_once('M')?;
+        Some(format!("{before}‹memory› {}M{after}", number.parse::<u64>().ok()? + more))
+    };
+    advised().unwrap_or_else(|| remedy.to_owned())
 }
 
 /// An opened grid and how its memory is divided.

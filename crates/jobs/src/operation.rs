@@ -303,6 +303,14 @@ fn given_names(table: &'static Table, given: &Map<String, Json>) -> Vec<&'static
     asked.map(|(field, _)| field.name).collect()
 }
 
+/// Fails for options by name that are none, or do not go together.
+///
+/// # Errors
+/// Usage: the first of these.
+pub fn check_named<O: Options>(given: &Map<String, Json>) -> Result<()> {
+    filled::<O>(given, given).map(drop)
+}
+
 fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> Result<()> {
     plan_of(&call.options::<O>()?, call.request, task_size).map(drop)
 }

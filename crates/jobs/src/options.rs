@@ -6,12 +6,11 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
 use terrane_options::{Options, Range, Rule};
 
 use crate::cloud_tin::CloudTinOptions;
 use crate::grid::GridOptions;
-use crate::plan::{DiskCheck, as_text};
+use crate::plan::DiskCheck;
 use crate::tiles::CloudTilesOptions;
 use crate::transform::Transform;
 use crate::translate::PointsOptions;
@@ -28,30 +27,26 @@ use terrane_base::geom::wkt;
 use terrane_cloud::{Condition, Filter, Flags, OpenOptions};
 
 /// How a grid is read
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Options)]
+#[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 pub struct GridInput {
     /// Band to read, from 1
     #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), default_text = "1")]
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band: Option<u32>,
     /// Stored value that means "no height", instead of the file's own
     #[option(value = "VALUE", with = FiniteOrNan)]
-    #[serde(with = "as_text")]
     pub nodata: Option<f64>,
     /// Part of the grid, in its coordinates, widened to whole cells (the square around each sample)
     #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = Bounds)]
-    #[serde(default, rename = "bbox", skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 4]>,
     /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken for voids;
     /// those on a border stay, and rings within a polygon are holes
     #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads)]
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clip: Option<String>,
     /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their lowest
-    /// bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
+    /// bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream). Edges of a mesh
+    /// follow the banks
     #[option(value = "FILE", with = FileName, role = Reads)]
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub water: Option<String>,
 }
 
@@ -151,7 +146,7 @@ pub struct Replacing {
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Resources", setters = group, rules = OF_RESUMING)]
 pub struct Resuming {
-    /// Keep what is done in this folder, so that the same command goes on after it was killed; it can be removed when
+    /// Keep what is done in this folder, so that the same work goes on after it was killed; it can be removed when
     /// the output is there
     #[option(value = "FOLDER", with = FileName, role = Run)]
     pub workdir: Option<PathBuf>,

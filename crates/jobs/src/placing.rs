@@ -35,10 +35,10 @@ pub struct Placing {
     pub keep_degrees: bool,
     /// Longest side of the print, such as 100mm or 12cm, a plain number in millimetres; STL and 3MF are in
     /// millimetres then
-    #[option(value = "LENGTH", with = PrintLength, range = Range::POSITIVE, role = Run)]
+    #[option(value = "LENGTH", with = PrintLength, role = Run)]
     pub size: Option<f64>,
     /// Scale of the print, such as 1:50000 or 0.001; STL and 3MF are in millimetres then
-    #[option(value = "SCALE", with = PrintScale, range = Range::POSITIVE, role = Run)]
+    #[option(value = "SCALE", with = PrintScale, role = Run)]
     pub scale: Option<f64>,
     /// Make heights so many times higher
     #[option(value = "FACTOR", alias = "exaggerate", range = Range::POSITIVE, role = Run)]

@@ -141,12 +141,14 @@ impl Given<'_> {
 
     /// `‹a›, ‹b› or ‹c›`; of a flag that is on, turning it off is what is given.
     fn listed(&self, terms: &[&str]) -> String {
-        let terms: Vec<&str> = terms
-            .iter()
-            .map(|term| term.split_once("!=").map_or(*term, |(name, _)| name))
-            .collect();
-        let named = |term: &&str| match self.table.find(term).and_then(|field| field.off) {
-            Some(_) => format!("‹{term}=false›"),
+        let named = |term: &&str| match term.split_once("!=") {
+            // The value that it has.
+            Some((name, _)) => {
+                format!("‹{name}› {}", self.now.get(name).map_or(String::new(), text))
+            }
+            None if self.table.find(term).is_some_and(|field| field.off.is_some()) => {
+                format!("‹{term}=false›")
+            }
             None => format!("‹{term}›"),
         };
         let names: Vec<String> = terms.iter().map(named).collect();

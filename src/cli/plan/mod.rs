@@ -16,7 +16,7 @@ use crate::cli::shared::union::Union;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names};
 use crate::cli::tin;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::CloudTinOptions;
 use crate::jobs::grid::GridOptions;
@@ -66,27 +66,43 @@ struct TinArgs {
     options: Union<tin::Sources, true>,
     /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]; of a cloud:
     /// most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
-    #[arg(long, aliases = ["strip-rows", "cut"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
     task_size: Option<u32>,
+    /// What the size of tasks was called for grids
+    #[arg(long, hide = true, conflicts_with = "task_size", value_parser = clap::value_parser!(u32).range(1..))]
+    strip_rows: Option<u32>,
+    /// The same for clouds
+    #[arg(long, hide = true, conflicts_with_all = ["task_size", "strip_rows"], value_parser = clap::value_parser!(u32).range(1..))]
+    cut: Option<u32>,
     #[command(flatten)]
     show: args::Show,
 }
 
 impl TinArgs {
     fn run(&self, cancel: &Cancel) -> Result<Outcome> {
-        let Self { input, folder, many, options, task_size, show } = self;
+        let Self { input, folder, many, options, show, .. } = self;
         let frame =
             Frame { input, output: folder, given: options.given(), report: None, many, show };
         match many.are_clouds(input)? {
             true => {
-                let options: CloudTinOptions = options.of(&input[0], "a point cloud")?;
-                plan(options, &frame, *task_size, cancel, status::cloud_summary)
+                let options: CloudTinOptions = options.of(&input[0])?;
+                refuse_size("--strip-rows", self.strip_rows, "grids")?;
+                plan(options, &frame, self.task_size.or(self.cut), cancel, status::cloud_summary)
             }
             false => {
-                let options: TinOptions = options.of(&input[0], "none")?;
-                plan(options, &frame, *task_size, cancel, status::summary)
+                let options: TinOptions = options.of(&input[0])?;
+                refuse_size("--cut", self.cut, "point clouds")?;
+                plan(options, &frame, self.task_size.or(self.strip_rows), cancel, status::summary)
             }
         }
+    }
+}
+
+/// Fails for a size of tasks of other inputs.
+fn refuse_size(option: &str, given: Option<u32>, of: &str) -> Result<()> {
+    match given {
+        None => Ok(()),
+        Some(_) => Err(Error::usage(format!("{option} is for {of}")).remedy("pass --task-size")),
     }
 }
 

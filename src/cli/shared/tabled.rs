@@ -31,7 +31,8 @@ impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
     fn augment_args(command: Command) -> Command {
         let defaults = to_map(&O::default());
         fields::<O, PLANNED>().fold(command, |command, field| {
-            command.arg(argument(field, &defaults[field.name], field.off.unwrap_or(field.about)))
+            let about = field.off.unwrap_or(field.about);
+            command.arg(argument::<PLANNED>(field, &defaults[field.name], about))
         })
     }
 
@@ -72,10 +73,19 @@ pub(crate) fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> 
 }
 
 /// An option as an argument, with what it is.
-pub(crate) fn argument(field: &'static Field, default: &serde_json::Value, about: &str) -> Arg {
+pub(crate) fn argument<const PLANNED: bool>(
+    field: &'static Field,
+    default: &serde_json::Value,
+    about: &str,
+) -> Arg {
     let long = field.name.replace('_', "-");
     let long = if field.off.is_some() { format!("no-{long}") } else { long };
-    let mut argument = Arg::new(field.name).long(long).help(help(field, default, about));
+    let mut argument =
+        Arg::new(field.name).long(long).help(match PLANNED && field.name == "format" {
+            // The output of a plan is a folder, whose name has no ending that says it.
+            true => about.to_owned(),
+            false => help(field, default, about),
+        });
     // Not that of arguments before.
     argument = match field.heading {
         "Options" => argument.help_heading(Resettable::Reset),
@@ -86,7 +96,9 @@ pub(crate) fn argument(field: &'static Field, default: &serde_json::Value, about
     }
     // GDAL's names of some have underscores.
     argument = argument.aliases(field.aliases.iter().copied().filter(|alias| alias.contains('_')));
-    argument = argument.visible_aliases(field.aliases.iter().map(|alias| alias.replace('_', "-")));
+    let off = if field.off.is_some() { "no-" } else { "" };
+    let aliases = field.aliases.iter().map(|alias| format!("{off}{}", alias.replace('_', "-")));
+    argument = argument.visible_aliases(aliases.collect::<Vec<_>>());
     let Kind::Flag = field.kind else {
         let action = match field.shape {
             Shape::Repeated => ArgAction::Append,
@@ -112,9 +124,10 @@ fn of_values(field: &'static Field, argument: Arg) -> Arg {
     match field.kind {
         Kind::Choice(_) => argument.value_parser(ValueParser::new(Chosen(field))),
         Kind::Path => argument.value_hint(ValueHint::FilePath).value_parser(names::any()),
-        Kind::Number | Kind::Numbers | Kind::Shaped(_) => {
+        Kind::Number | Kind::Numbers | Kind::Shaped("str") => {
             argument.allow_hyphen_values(true).value_parser(checked(field))
         }
+        Kind::Shaped(_) => argument.allow_negative_numbers(true).value_parser(checked(field)),
         Kind::Flag | Kind::Whole | Kind::Text => argument.value_parser(checked(field)),
     }
 }

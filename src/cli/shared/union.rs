@@ -50,25 +50,36 @@ fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(&'static Kind, &'static Field
     found
 }
 
-/// What an option is, where kinds differ in it of each.
+/// What an option is, of which kinds if it is not of all, and where they differ in it of each.
 fn about<K: Kinds>(field: &Field) -> String {
     let mut told = vec![field.off.unwrap_or(field.about)];
-    let mut about = told[0].to_owned();
+    let having = K::ALL.iter().filter(|kind| kind.table.find(field.name).is_some());
+    let having: Vec<&str> = having.map(|kind| kind.of).collect();
+    let mut about = match having.len() < K::ALL.len() {
+        true => format!("{} ({})", told[0], having.join(", ")),
+        false => told[0].to_owned(),
+    };
     for kind in K::ALL {
         let other = kind.table.find(field.name).map(|own| own.off.unwrap_or(own.about));
         if let Some(other) = other.filter(|other| !told.contains(other)) {
-            about += &format!(". Of {}: {other}", kind.of);
+            about += &format!(". Of {}: {}", kind.of, uncapitalized(other));
             told.push(other);
         }
     }
     about
 }
 
+/// A text that goes on after a colon.
+fn uncapitalized(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
+}
+
 impl<K: Kinds, const PLANNED: bool> clap::Args for Union<K, PLANNED> {
     fn augment_args(command: Command) -> Command {
         fields::<K, PLANNED>().into_iter().fold(command, |command, (kind, field)| {
             let default = &(kind.defaults)()[field.name];
-            command.arg(argument(field, default, &about::<K>(field)))
+            command.arg(argument::<PLANNED>(field, default, &about::<K>(field)))
         })
     }
 
@@ -100,15 +111,15 @@ impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
         &self.names
     }
 
-    /// The options for an input, which is of the kind that they are of; `what` is what it is.
+    /// The options for an input, which is of the kind that they are of.
     ///
     /// # Errors
     /// Usage: an option of other kinds was given.
-    pub(crate) fn of<O: Options>(&self, input: &str, what: &str) -> Result<O> {
+    pub(crate) fn of<O: Options>(&self, input: &str) -> Result<O> {
         let mut options = O::default();
         for (name, texts) in self.names.iter().zip(&self.texts) {
             let Some(field) = O::TABLE.find(name) else {
-                return Err(refusal::<K>(name, input, what));
+                return Err(refusal::<K>(name, input, O::TABLE));
             };
             set_texts(&mut options, field, texts)?;
         }
@@ -117,12 +128,17 @@ impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
 }
 
 /// The error of an option of other kinds of inputs.
-fn refusal<K: Kinds>(name: &str, input: &str, what: &str) -> Error {
+fn refusal<K: Kinds>(name: &str, input: &str, own: &'static Table) -> Error {
     let having = K::ALL.iter().filter_map(|kind| Some((kind.of, kind.table.find(name)?)));
     let (of, fields): (Vec<_>, Vec<_>) = having.unzip();
     let off = if fields.iter().any(|field| field.off.is_some()) { "=false" } else { "" };
     let option = format!("‹{name}{off}›");
-    Error::usage(format!("{option} is for {}, and this is {what}", of.join(" and ")))
+    let own =
+        K::ALL.iter().find(|kind| std::ptr::eq(kind.table, own)).map_or("this", |kind| kind.of);
+    Error::usage(format!("{option} is for {}, not for {own}", of.join(" and ")))
         .in_file(&path_of(input))
-        .remedy(format!("leave {option} out"))
+        .remedy(match input {
+            "-" => format!("leave {option} out, or name stdin cloud:- where it has points"),
+            _ => format!("leave {option} out"),
+        })
 }

@@ -97,7 +97,7 @@ impl Args {
     }
 
     fn of_grid(&self, call: &Call<'_>) -> Result<Outcome> {
-        let mut options: TinOptions = self.options.of(&self.input[0], "none")?;
+        let mut options: TinOptions = self.options.of(&self.input[0])?;
         if self.verify {
             refuse_proof(&options)?;
         }
@@ -115,7 +115,7 @@ impl Args {
     }
 
     fn of_cloud(&self, call: &Call<'_>) -> Result<Outcome> {
-        let mut options: CloudTinOptions = self.options.of(&self.input[0], "a point cloud")?;
+        let mut options: CloudTinOptions = self.options.of(&self.input[0])?;
         let made = make(&mut options, &self.frame(), call)?;
         let proof = CloudMeshProof {
             max_error: Some(made.report.tolerance),

@@ -119,6 +119,9 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         }
         return args.prove::<CloudMeshProof, CloudInput>(cancel, cloud::summary);
     }
+    if !args.many.skip_bad {
+        check::inputs(&args.source)?;
+    }
     args.source.iter().try_for_each(|grid| check_kinds(&args.mesh, grid))?;
     args.prove::<MeshProof, GridInput>(cancel, grid::summary)
 }
@@ -132,7 +135,7 @@ fn one_of_sets(folder: &Path) -> Option<PathBuf> {
 impl Args {
     /// The options of a proof.
     fn of<P: Proof>(&self) -> Result<P> {
-        let options = self.options.of(&name_of(self.mesh.clone())?, "none")?;
+        let options = self.options.of(&name_of(self.mesh.clone())?)?;
         check_given(&options, self.options.given()).map(|()| options)
     }
 

@@ -6,9 +6,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
-use terrane::{AnyOperation, Error, OPERATIONS, Reads};
+use terrane::{
+    AnyOperation, CloudMeshProof, CloudTilesProof, Error, MeshProof, OPERATIONS, Proof, Reads,
+    TilesProof, TinOptions, check_named,
+};
 use terrane_files::name_of;
-use terrane_options::{Field, Kind, Role, Shape, Table};
+use terrane_options::{Field, Kind, Role, Shape, Table, fill, to_map};
 
 use crate::error::told;
 use crate::report::dictionary;
@@ -19,25 +22,57 @@ pub(crate) fn named(name: &str) -> PyResult<&'static AnyOperation> {
     found.ok_or_else(|| PyValueError::new_err(format!("there is no operation {name:?}")))
 }
 
-/// All operations, by name: what each is for, and its options in their order.
+/// A proof by its name, beside the operations.
+struct AnyProof {
+    name: &'static str,
+    reads: Reads,
+    table: &'static Table,
+    defaults: fn() -> Map<String, Json>,
+    check: fn(&Map<String, Json>) -> terrane::Result<()>,
+}
+
+impl AnyProof {
+    const fn of<O: Proof>(name: &'static str, reads: Reads) -> Self {
+        let defaults = || to_map(&O::default());
+        let check = |given: &Map<String, Json>| check_named::<O>(given);
+        Self { name, reads, table: O::TABLE, defaults, check }
+    }
+}
+
+const PROOFS: [AnyProof; 4] = [
+    AnyProof::of::<MeshProof>("verify", Reads::Grid),
+    AnyProof::of::<CloudMeshProof>("verify-cloud", Reads::Cloud),
+    AnyProof::of::<TilesProof>("verify-tiles", Reads::Grid),
+    AnyProof::of::<CloudTilesProof>("verify-cloud-tiles", Reads::Cloud),
+];
+
+/// All operations and proofs, by name: what each is for, and its options in their order.
 #[pyfunction]
 pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
-    let told = OPERATIONS.iter().map(|operation| {
-        let defaults = (operation.defaults)();
-        let fields = operation.table.fields();
-        let fields: Vec<Json> = fields.iter().map(|own| option(own, &defaults[own.name])).collect();
-        let reads = match operation.reads {
-            Reads::Grid => "grid",
-            Reads::Cloud => "cloud",
-            Reads::Features => "features",
-        };
-        let about = operation.table.about;
-        let told = json!({
-            "about": about, "reads": reads, "options": fields, "task_size": operation.task_size(),
-        });
-        (operation.name.to_owned(), told)
-    });
+    let operations = OPERATIONS
+        .iter()
+        .map(|own| (own.name, described(own.table, own.reads, &(own.defaults)(), own.task_size())));
+    let proofs = PROOFS.iter();
+    let proofs =
+        proofs.map(|own| (own.name, described(own.table, own.reads, &(own.defaults)(), None)));
+    let told = operations.chain(proofs).map(|(name, told)| (name.to_owned(), told));
     dictionary(py, &told.collect::<Map<String, Json>>())
+}
+
+fn described(
+    table: &'static Table,
+    reads: Reads,
+    defaults: &Map<String, Json>,
+    task_size: Option<&str>,
+) -> Json {
+    let fields = table.fields();
+    let fields: Vec<Json> = fields.iter().map(|own| option(own, &defaults[own.name])).collect();
+    let reads = match reads {
+        Reads::Grid => "grid",
+        Reads::Cloud => "cloud",
+        Reads::Features => "features",
+    };
+    json!({ "about": table.about, "reads": reads, "options": fields, "task_size": task_size })
 }
 
 /// Options of runs that plans have, too.
@@ -64,9 +99,16 @@ fn option(field: &Field, default: &Json) -> Json {
         "type": ty,
         "default": default,
         "default_text": field.default_text,
+        "choices": choices_of(field.kind),
         "positional": field.positional,
         "of_runs": field.role == Role::Run && !OF_MACHINES.contains(&field.name),
     })
+}
+
+/// The names that there are to choose from, with what they mean.
+fn choices_of(kind: Kind) -> Vec<(&'static str, &'static str)> {
+    let Kind::Choice(choices) = kind else { return Vec::new() };
+    choices().iter().map(|own| (own.name, own.about)).collect()
 }
 
 /// The type of values, as Python's annotations have it.
@@ -87,17 +129,30 @@ fn type_of(kind: Kind) -> String {
     }
 }
 
-/// Fails where it can be known before anything is opened that an operation cannot be done.
+/// Fails where it can be known before anything is opened that an operation or a proof cannot be done; without a path a mesh
+/// stays in memory.
 #[pyfunction]
 pub(crate) fn check_operation(
     py: Python<'_>,
     operation: &str,
     options: &Bound<'_, PyDict>,
-    path: PathBuf,
+    path: Option<PathBuf>,
 ) -> PyResult<()> {
+    if let Some(proof) = PROOFS.iter().find(|proof| proof.name == operation) {
+        let options = told(py, options_of(proof.table, options)?)?;
+        return told(py, (proof.check)(&options));
+    }
     let operation = named(operation)?;
     let options = told(py, options_of(operation.table, options)?)?;
-    told(py, (operation.check)(&options, &path))
+    told(
+        py,
+        match path {
+            Some(path) => (operation.check)(&options, &path),
+            None => fill::<TinOptions>(&options)
+                .and_then(|own| own.check_in_memory(&own.grid))
+                .and_then(|()| check_named::<TinOptions>(&options)),
+        },
+    )
 }
 
 /// Options from keywords.

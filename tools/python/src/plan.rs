@@ -47,6 +47,7 @@ impl Plan {
         py: Python<'py>,
         task: Option<String>,
         output: Option<PathBuf>,
+        split: Option<u32>,
         overwrite: bool,
         settings: Settings,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -57,6 +58,9 @@ impl Plan {
             }
             if let Some(output) = output {
                 builder = builder.output(output);
+            }
+            if let Some(tiles) = split {
+                builder = builder.split(tiles);
             }
             builder.run()
         })?;

@@ -281,7 +281,7 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
     (np.zeros((5, 5)), {"max_error": None}, "no target given"),
     (np.zeros((5, 5)), {"max_error": -1.0}, "."),
     (np.zeros((5, 5)), {"max_error": np.nan}, "."),
-    (np.zeros((5, 5)), {"max_vertices": 10}, "three goals"),
+    (np.zeros((5, 5)), {"max_vertices": 10}, "cannot be used with"),
     (np.zeros((5, 5)), {"bound": "some"}, "some"),
     (np.zeros((5, 5)), {"tile": 3}, "tile"),
     (np.zeros((5, 5)), {"min_angle": 40.0}, "angle"),

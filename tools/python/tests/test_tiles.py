@@ -122,7 +122,7 @@ def test_meshes_and_contours_are_brought_to_another_system(
     assert isinstance(moved, terrane.Lines)
     assert moved.crs == "EPSG:32632"
     assert (moved.coordinates[:, 1] > 5e6).all()
-    with pytest.raises(terrane.Error, match="lead to another system"):
+    with pytest.raises(terrane.Error, match="geoid cannot act without to_crs"):
         terrane.write_tin(heights, tmp_path / "n.ply", 5.0, geoid=sea, **where)
 
 

@@ -47,7 +47,6 @@ pub struct Placement {
     pub align: Option<[f64; 2]>,
     /// All cells that this box (x min, y min, x max, y max) overlaps; those of the cloud's bounds when
     /// `None`.
-    #[serde(rename = "bbox")]
     pub extent: Option<[f64; 4]>,
     /// The very cells of this grid.
     pub like: Option<String>,

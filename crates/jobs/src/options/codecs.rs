@@ -208,7 +208,7 @@ impl Codec<(String, String)> for KeyValue {
     fn parse(text: &str) -> Result<(String, String), String> {
         let pair = text.split_once('=').filter(|(key, _)| !key.is_empty());
         let pair = pair.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()));
-        pair.ok_or_else(|| "expected KEY=VAL, such as COMPRESS=ZSTD".to_owned())
+        pair.ok_or_else(|| "expected KEY=VAL".to_owned())
     }
 
     fn json((key, value): &(String, String)) -> Json {

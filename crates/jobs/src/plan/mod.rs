@@ -195,10 +195,11 @@ fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
     }
     let within = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
     if let (Value::Object(a), Value::Object(b)) = (there, here) {
-        let inner = |(key, value): (&String, &Value)| {
-            first_difference(&within(key), value, b.get(key).unwrap_or(&Value::Null))
-        };
-        return a.iter().find_map(inner);
+        let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+        let [of_a, of_b] = [a, b].map(|own| |key: &String| own.get(key).unwrap_or(&Value::Null));
+        return keys
+            .into_iter()
+            .find_map(|key| first_difference(&within(key), of_a(key), of_b(key)));
     }
     if let (Value::Array(a), Value::Array(b)) = (there, here)
         && a.len() == b.len()
@@ -225,6 +226,8 @@ mod tests {
             tell(r#"{"a":{"b":1,"c":2}}"#, r#"{"a":{"b":1,"c":3}}"#),
             "a.c is 2 there and 3 here"
         );
+        assert_eq!(tell(r#"{"a":1}"#, r#"{"a":1,"b":2}"#), "b is null there and 2 here");
+        assert_eq!(tell(r#"{"a":1,"b":null}"#, r#"{"a":1}"#), "");
         assert_eq!(
             tell(r#"{"f":["x","y"]}"#, r#"{"f":["x"]}"#),
             "f is 2 of them there and 1 of them here"

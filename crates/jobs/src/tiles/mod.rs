@@ -74,7 +74,7 @@ pub struct TilesJob {
     /// File names, or a grid in memory by name.
     pub input: Inputs,
     /// What is read of it.
-    #[serde(flatten)]
+    #[serde(with = "terrane_options::as_map")]
     pub reading: GridInput,
     /// Folder to make.
     #[serde(skip)]

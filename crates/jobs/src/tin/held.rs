@@ -1,12 +1,11 @@
 //! Meshes with a proven bound on their error, in memory.
 
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use terrane_options::{Options, check, to_map};
 
 use super::{BuildJob, Built, TinOptions, build, build_files};
-use crate::operation::{Job, Operation};
+use crate::operation::Job;
 use crate::options::GridInput;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
@@ -172,11 +171,8 @@ impl<'a> Job<'a, TinOptions, ArrayGrid<'a>> {
     pub fn build(self) -> Result<Tin> {
         self.act(|grid, options, progress, cancel| {
             let GridInput { nodata, .. } = options.grid;
-            refuse(
-                options,
-                &GridInput { nodata, ..GridInput::default() },
-                "is for grids in files",
-            )?;
+            let grid_options = GridInput { nodata, ..GridInput::default() };
+            options.check_in_memory(&grid_options)?;
             let grid = match nodata {
                 Some(_) => grid.with_nodata(nodata),
                 None => grid,
@@ -194,7 +190,7 @@ impl Job<'_, TinOptions> {
     /// four valid ones; too few vertices allowed for any mesh; too little memory; cancelled.
     pub fn build(self) -> Result<Tin> {
         self.act(|inputs, options, progress, cancel| {
-            refuse(options, &options.grid, "")?;
+            options.check_in_memory(&options.grid)?;
             let cache_bytes = OpenOptions::default().cache_bytes;
             let open = options.grid.options(&options.resources, cache_bytes)?;
             build_by(options, |sink, job| build_files(&inputs, &open, sink, job, progress, cancel))
@@ -202,21 +198,27 @@ impl Job<'_, TinOptions> {
     }
 }
 
-/// Fails for options that do not go together, or that a mesh in memory of a grid that is read in this way does not have.
-fn refuse(options: &TinOptions, grid: &GridInput, why: &str) -> Result<()> {
-    check(options)?;
-    let TinOptions { target, refinement, tile, resources, .. } = options.clone();
-    let (grid, others) = (grid.clone(), TinOptions::default());
-    let held = TinOptions { target, refinement, tile, resources, grid, ..others };
-    let held = to_map(&held);
-    let of_files = to_map(options).into_iter().find(|(name, value)| held.get(name) != Some(value));
-    let Some((name, _)) = of_files else { return options.check(Path::new("mesh.ply")) };
-    let why = match GridInput::TABLE.find(&name) {
-        Some(_) => why,
-        None => "is for meshes in files, and this one stays in memory",
-    };
-    Err(Error::usage(format!("‹{name}› {why}"))
-        .remedy(format!("leave ‹{name}› out, or write a file")))
+impl TinOptions {
+    /// Fails for options that a mesh in memory does not have, of a grid that is read in this way, or that do not go together.
+    ///
+    /// # Errors
+    /// Usage: the first of these options.
+    pub fn check_in_memory(&self, grid: &GridInput) -> Result<()> {
+        let Self { target, refinement, tile, resources, .. } = self.clone();
+        let (grid, others) = (grid.clone(), Self::default());
+        let held = to_map(&Self { target, refinement, tile, resources, grid, ..others });
+        let of_files = to_map(self).into_iter().find(|(name, value)| held.get(name) != Some(value));
+        if let Some((name, _)) = of_files {
+            let why = match GridInput::TABLE.find(&name) {
+                Some(_) => "is for grids in files",
+                None => "is for meshes in files, and this one stays in memory",
+            };
+            return Err(Error::usage(format!("‹{name}› {why}"))
+                .remedy(format!("leave ‹{name}› out, or write a file")));
+        }
+        check(self)?;
+        self.textbook().map(drop)
+    }
 }
 
 /// Makes a mesh by `build`, which is given a sink and the job.

@@ -48,7 +48,7 @@ pub struct TinJob {
     /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
     pub input: Inputs,
     /// What is read of it.
-    #[serde(flatten)]
+    #[serde(with = "terrane_options::as_map")]
     pub reading: GridInput,
     /// Mesh file to write.
     #[serde(skip)]

@@ -30,10 +30,10 @@ pub struct Target {
     #[option(value = "E", range = Range::FROM_ZERO)]
     pub max_error: Option<f64>,
     /// The smallest error that this many vertices allow
-    #[option(value = "N", range = Range::new(3.0, u64::MAX as f64), role = Run)]
+    #[option(value = "N", range = Range::new(3.0, f64::MAX), role = Run)]
     pub max_vertices: Option<u64>,
     /// The smallest error that this many triangles allow
-    #[option(value = "N", range = Range::new(1.0, u64::MAX as f64), role = Run)]
+    #[option(value = "N", range = Range::new(1.0, f64::MAX), role = Run)]
     pub max_triangles: Option<u64>,
 }
 
@@ -78,7 +78,7 @@ pub struct TinOptions {
     #[option(flatten)]
     pub placing: Placing,
     /// For STL and 3MF: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
-    #[option(value = "LENGTH", with = PrintLength, range = Range::POSITIVE, role = Run,
+    #[option(value = "LENGTH", with = PrintLength, role = Run,
              heading = "Viewers and printers (STL, 3MF and GLB)")]
     pub base: Option<f64>,
     /// The system to write in.
@@ -87,16 +87,16 @@ pub struct TinOptions {
     /// How the mesh is refined.
     #[option(flatten)]
     pub refinement: Refinement,
-    /// How the mesh is made, by one of the methods below; all but greedy hold the whole grid in memory
+    /// How the mesh is made; all methods but greedy hold the whole grid in memory
     #[option(value = "NAME", with = MeshMethodName, default = GREEDY.to_owned(), role = Run, heading = "Method")]
     pub method: String,
-    /// Cells along the side of a tile
+    /// Cells along the side of a tile, 16 to 8192
     #[option(value = "CELLS", default = USUAL_TILE, heading = "Method",
              range = Range::new(*TILE_CELLS.start() as f64, *TILE_CELLS.end() as f64))]
     pub tile: u32,
     /// Bands that share one mesh, such as 1,2,3 for the colours of a photograph: the error of a sample is the
     /// largest over them of weight x |value - mesh|. The mesh has their values at its vertices; heights are
-    /// those of ‹band›, if it is given, and 0 else
+    /// those of ‹band›, one of them, if it is given, and 0 else
     #[option(value = "N,..", range = Range::new(1.0, u32::MAX as f64), role = Run, heading = "Several bands")]
     pub bands: Vec<u32>,
     /// How much an error in each band counts
@@ -201,10 +201,12 @@ impl TinOptions {
     /// The height of the bottom of a solid.
     fn solid_base(&self) -> Result<Option<f64>> {
         let height = |(key, value): &(String, String)| {
-            let height = key.eq_ignore_ascii_case("SOLID_BASE").then(|| Finite::parse(value));
-            let unknown = || Error::usage(format!("‹co› is \"{key}={value}\""));
-            let known = "the only option known is SOLID_BASE=HEIGHT";
-            height.and_then(std::result::Result::ok).ok_or_else(|| unknown().remedy(known))
+            let wrong =
+                |remedy: &str| Error::usage(format!("‹co› is \"{key}={value}\"")).remedy(remedy);
+            match key.eq_ignore_ascii_case("SOLID_BASE") {
+                true => Finite::parse(value).map_err(|_| wrong("give SOLID_BASE a number")),
+                false => Err(wrong("the only option known is SOLID_BASE=HEIGHT")),
+            }
         };
         self.co.iter().map(height).next_back().transpose()
     }

@@ -127,7 +127,7 @@ pub struct CloudMeshProof {
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 pub struct TilesProof {
-    /// Heights of the geoid that those of the grid are counted from, as in terrane tiles
+    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub geoid: Option<String>,
     /// How the grid is read.
@@ -142,10 +142,10 @@ pub struct TilesProof {
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 pub struct CloudTilesProof {
-    /// Heights of the geoid that those of the cloud are counted from, as in terrane tiles
+    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub geoid: Option<String>,
-    /// Water of a file of features that was made level
+    /// Water of a file of features that was made level, which masks of water are held to
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub water: Option<String>,
     /// The model of the ground.
@@ -163,7 +163,7 @@ pub struct CloudTilesProof {
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Lines", setters = own, rules = OF_LINES)]
 pub struct LineProof {
-    /// Largest distance allowed, in units of the data, or with a unit, as in terrane simplify
+    /// Largest distance allowed, in units of the data, or with a unit: 100m, 2km, 50ft
     #[option(value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, default_text = "only measure it")]
     pub tolerance: Option<Length>,
     /// What a distance is: in x and y, or in x, y and z

@@ -29,7 +29,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from terrane._clouds import GridResult, verify_cloud, write_cloud_tin
+    from terrane._clouds import GridResult
     from terrane._errors import (
         Error,
         ExistsError,
@@ -68,25 +68,29 @@ if TYPE_CHECKING:
         tin,
         tpi,
         tri,
+        verify,
+        verify_cloud,
+        verify_cloud_tiles,
+        verify_tiles,
         write_cloud_tin,
         write_tin,
     )
     from terrane._plans import Plan, open_plan
     from terrane._terrane import __version__
-    from terrane._tin import Report, verify, verify_tiles
+    from terrane._report import Report
     from terrane.delatin import Delatin
 
 # Where each name is; a module is imported when a name of it is first asked for.
 _WHERE = {
-    "_clouds": "GridResult verify_cloud",
+    "_clouds": "GridResult",
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
     "_lines": "Lines simplify",
     "_mesh": "Mesh",
     "_operations": "aspect chm cloud_tiles color_relief contour convert curvature dsm dtm grid hillshade plan plan_cloud_tin plan_grid plan_points plan_tiles plan_tin points "
-    "roughness simplify_file slope tiles tin tpi tri write_cloud_tin write_tin",
+    "roughness simplify_file slope tiles tin tpi tri verify verify_cloud verify_cloud_tiles verify_tiles write_cloud_tin write_tin",
     "_plans": "Plan open_plan",
     "_terrane": "__version__",
-    "_tin": "Report verify verify_tiles",
+    "_report": "Report",
     "delatin": "Delatin",
 }
 _MODULES = {name: module for module, names in _WHERE.items() for name in names.split()}
@@ -149,6 +153,7 @@ __all__ = [
     "tri",
     "verify",
     "verify_cloud",
+    "verify_cloud_tiles",
     "verify_tiles",
     "write_cloud_tin",
     "write_tin",

@@ -5,19 +5,16 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrane import _beside, _terrane
+from terrane import _terrane
 from terrane._errors import refuse_existing, usage
-from terrane._mesh import Mesh
 from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
-from terrane._tin import Report
 
 # The dimensions of records of laspy and PDAL that filters ask for, by their names there.
 MARKS = {
@@ -188,31 +185,3 @@ def unpacked(file: bytes, report: dict[str, Any]) -> GridResult:
     with open(os.path.join(folder.name, "grid.tif"), "wb") as new:
         new.write(file)
     return GridResult(folder, report)
-
-
-def verify_cloud(
-    mesh: Path,
-    points: Any,
-    max_error: float | None = None,
-    *,
-    threads: int | None = None,
-    memory: int | str | None = None,
-    progress: Any = None,
-    **reading: Any,
-) -> Report:
-    """Proves a mesh in a file against the points it was made from, chosen by the same options."""
-    if isinstance(mesh, Mesh):
-        raise usage("a mesh in memory is one of a grid", "pass the path of a mesh of points")
-    options = {"max_error": max_error, "threads": threads, "memory": memory}
-    with clipped(points, reading) as cloud:
-        return Report(cloud.verify(os.fspath(mesh), options, settings(None, None, progress)))
-
-
-@contextmanager
-def clipped(points: Any, reading: dict[str, Any]) -> Iterator[_terrane.Cloud]:
-    """The cloud that `points` stands for, read as `reading` says, as long as the polygons are there that it is clipped to."""
-    _beside.settle(reading)
-    opening = {key: reading[key] for key in OPENING if key in reading}
-    clip = reading.pop("clip", None)
-    with _beside.files(lambda: cloud_of(points, opening).info["crs"], clip=clip) as files:
-        yield cloud_of(points, {**reading, **files})

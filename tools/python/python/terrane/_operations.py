@@ -22,6 +22,7 @@ from terrane._lines import Lines, sorted_lines
 from terrane._mesh import Mesh
 from terrane._numbers import number
 from terrane._plans import Plan
+from terrane._report import Report
 from terrane._settings import Path, settings
 from terrane._source import crs_text, opened
 
@@ -70,16 +71,20 @@ def ready(
     for key in keys:
         if options.get(key) is not None:
             options[key] = crs_text(options[key])
-    if is_plan:
+    is_kept = options.get("workdir") is not None
+    if is_plan or is_kept:
+        why = "work in a folder goes on later" if is_kept else "a plan is run later"
         for of in (reading, options):
-            of |= _beside.paths("a plan is run later", **{key: of[key] for key in BESIDE if key in of})
-    else:
+            of |= _beside.paths(why, **{key: of[key] for key in BESIDE if key in of})
+    if not is_plan:
         known = {own["name"] for own in tables()[name]["options"]}
-        given = {**options, **{key: value for key, value in reading.items() if key in known}}
+        # Samples of an array may have any value.
+        given = {key: value for key, value in reading.items() if key in known and key != "nodata"}
+        given |= options
         held = {key: "held" for key in BESIDE if not _beside.is_path(given.get(key))}
         if output is not None:
-            refuse_existing(output, options.get("overwrite") is True)
-        _terrane.check_operation(name, {**given, **held}, output or HELD)
+            refuse_existing(output, is_true(options.get("overwrite")))
+        _terrane.check_operation(name, {**given, **held}, output)
     features = {key: options.pop(key) for key in BESIDE if key in options}
     if reads == "features":
         yield None, progress
@@ -94,8 +99,9 @@ def ready(
             yield cloud, progress
 
 
-# What a mesh in memory would be called.
-HELD = "mesh.ply"
+def is_true(value: Any) -> bool:
+    """True for what asks for something to be done."""
+    return isinstance(value, bool | np.bool_) and bool(value)
 
 
 def written(name: str) -> Callable[..., dict[str, Any]]:
@@ -138,6 +144,57 @@ def planned(name: str) -> Callable[..., Plan]:
 def planned_name(name: str) -> str:
     """The function that plans an operation."""
     return f"plan_{name.replace('-', '_')}"
+
+
+def proved(name: str) -> Callable[..., Report]:
+    """The function of a proof."""
+    names = [*PROVED[name], *FIRST.get(name, {})]
+
+    def function(*values: Any, **options: Any) -> Report:
+        given = {**dict(zip(names, values, strict=False)), **options}
+        twice = [key for key in names[: len(values)] if key in options]
+        if twice or len(values) > len(names) or not given.keys() >= set(PROVED[name]):
+            raise usage(f"{called(name)} takes {', '.join(names)} and keywords")
+        file, src = (given.pop(key) for key in PROVED[name])
+        if isinstance(file, Mesh) and name == "verify":
+            with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+                path = os.path.join(folder, "mesh.ply")
+                file.write(path)
+                return Report({**prove(name, path, src, given).as_dict(), "mesh": "in memory"})
+        if not isinstance(file, str | os.PathLike):
+            raise usage(f"a {type(file).__name__} is no file", f"pass the path of {PROVED[name][0]}")
+        return prove(name, os.fspath(file), src, given)
+
+    function.__name__ = function.__qualname__ = called(name)
+    function.__module__ = __name__
+    function.__signature__ = inspect.Signature(proved_parameters(name))  # type: ignore[attr-defined]
+    function.__doc__ = documentation(name)
+    return function
+
+
+def prove(name: str, file: str, src: Any, options: dict[str, Any]) -> Report:
+    """What a proof of a file or folder finds."""
+    with ready(name, src, options, None) as (source, progress):
+        work = source.verify_tiles if name.endswith("tiles") else source.verify
+        return Report(work(file, options, progress))
+
+
+# What proofs are of, and what it was made from.
+PROVED = {
+    "verify": ("mesh", "src"),
+    "verify-cloud": ("mesh", "src"),
+    "verify-tiles": ("tiles", "src"),
+    "verify-cloud-tiles": ("tiles", "src"),
+}
+
+
+def proved_parameters(name: str) -> list[inspect.Parameter]:
+    """The parameters of the function of a proof."""
+    kinds = inspect.Parameter
+    file, _ = PROVED[name]
+    annotation = "Mesh | Path" if name == "verify" else "Path"
+    first = kinds(file, kinds.POSITIONAL_OR_KEYWORD, annotation=annotation)
+    return [first, *(own for own in parameters(name) if own.name != "path")]
 
 
 def planned_parameters(name: str) -> list[inspect.Parameter]:
@@ -304,6 +361,8 @@ FIRST: dict[str, dict[str, Any]] = {
     "contour": {"interval": None},
     "grid": {"cell": CELL, "stat": None},
     "tin": {"max_error": None},
+    "verify": {"max_error": None},
+    "verify-cloud": {"max_error": None},
 }
 # What functions return that keep their result in memory where there is no output.
 RESULTS = {"contour": "Lines", "grid": "GridResult", "tin": "Mesh"}
@@ -356,9 +415,10 @@ def documentation(name: str) -> str:
     """What an operation is for, what its options are, and an example."""
     table = tables()[name]
     lines = [table["about"], "", "Parameters", "----------"]
-    rows = [(keyword_of(option), option["about"], option["default_text"]) for option in table["options"]]
+    rows = [("src", SOURCES[table["reads"]], None)]
+    rows += [(keyword_of(option), about_of(option), option["default_text"]) for option in table["options"]]
     own = {parameter.name for parameter in parameters(name)} - {row[0] for row in rows}
-    rows += [(key, about, None) for key, about in OF_SOURCE.items() if key in own]
+    rows += [(key, about, None) for key, about in {**OF_SOURCE, **PLACES}.items() if key in own]
     for key, about, default in rows:
         text = about if default is None else f"{about} (default: {default})"
         lines += [key, textwrap.indent(textwrap.fill(text, 110), "    ")]
@@ -377,11 +437,15 @@ def stub() -> str:
         "from terrane._lines import Lines",
         "from terrane._mesh import Mesh",
         "from terrane._plans import Plan",
+        "from terrane._report import Report",
         "from terrane._settings import Features, Path",
         "",
         "def stub() -> str: ...",
     ]
     for name, table in tables().items():
+        if name in PROVED:
+            lines += signature(called(name), proved_parameters(name), "Report")
+            continue
         lines += signatures(called(name), parameters(name), RESULTS.get(name))
         if name in WRITTEN:
             lines += signature(WRITTEN[name], parameters(name, is_file=True), "dict[str, Any]")
@@ -420,7 +484,53 @@ def signature(name: str, found: list[inspect.Parameter], result: str) -> list[st
     return [*lines, f") -> {result}: ..."]
 
 
+def about_of(option: dict[str, Any]) -> str:
+    """What an option is, with what there is to choose from."""
+    choices = [f"{name} ({about})" for name, about in option["choices"]]
+    return "; ".join([option["about"], *choices])
+
+
+PLACES = {
+    "path": "The file or folder to write",
+    "output": "The file to write; without one the result stays in memory, and options of files are refused",
+    "mesh": "The mesh file",
+    "tiles": "The folder of tiles",
+}
+SOURCES = {
+    "grid": "A path, a list of paths (one mosaic), the name of a synthetic terrain (\"synth:rough,size=513\"), an array of two "
+    "dimensions (rows, columns) of any type of number, masked or not, a dataset of rasterio, or a DataArray or Dataset of "
+    "xarray. NaN, infinities, masked samples and nodata are voids",
+    "cloud": "A path, a list of paths (one cloud), the name of a synthetic cloud (\"synth:cloud,size=60\"), an array of points "
+    "(x, y, z in its columns, or named fields), or points of laspy or PDAL",
+    "features": "The path of a file of features",
+}
+
 EXAMPLES = {
+    "verify": """
+        >>> import numpy as np, terrane
+        >>> heights = np.random.default_rng(1).normal(size=(40, 60)).astype("f4")
+        >>> report = terrane.verify(terrane.tin(heights, max_error=0.5), heights)
+        >>> report.ok, report.max_error <= 0.5, report.surface_error >= report.max_error
+        (True, True, True)
+        >>> terrane.verify(terrane.tin(heights, max_error=0.5), heights + 1, max_error=0.5).ok
+        False
+    """,
+    "verify-tiles": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "tiles")
+        ...     made = terrane.tiles("synth:rough,size=129", path, max_level=11)
+        ...     terrane.verify_tiles(path, "synth:rough,size=129").ok
+        True
+    """,
+    "verify-cloud-tiles": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "tiles")
+        ...     made = terrane.cloud_tiles("synth:cloud,size=60", path, cell=2.0, max_level=12)
+        ...     terrane.verify_cloud_tiles(path, "synth:cloud,size=60", cell=2.0).ok
+        True
+    """,
     "tin": """
         >>> import numpy as np, os, tempfile, terrane
         >>> row, col = np.mgrid[0:100, 0:200]
@@ -555,3 +665,7 @@ tpi = written("tpi")
 tri = written("tri")
 write_cloud_tin = written("cloud-tin")
 write_tin = written("tin")
+verify = proved("verify")
+verify_cloud = proved("verify-cloud")
+verify_cloud_tiles = proved("verify-cloud-tiles")
+verify_tiles = proved("verify-tiles")

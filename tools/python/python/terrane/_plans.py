@@ -7,6 +7,7 @@ from typing import Any
 
 from terrane import _terrane
 from terrane._errors import refuse_existing, usage
+from terrane._numbers import number
 from terrane._settings import Path, settings
 
 
@@ -33,6 +34,7 @@ class Plan:
         *,
         output: Path | None = None,
         task: str | None = None,
+        split: int | None = None,
         overwrite: bool = False,
         threads: int | None = None,
         memory: int | str | None = None,
@@ -40,18 +42,20 @@ class Plan:
         **options: Any,
     ) -> dict[str, Any]:
         """Does what is not done, here or on a cluster: `client` is one of `dask.distributed`, and further options are those
-        of `terrane.dask.run`. Returns what was done."""
+        of `terrane.dask.run`. `split` writes a mesh of a grid as a folder with a mesh for every so many by so many tiles.
+        Returns what was done."""
         name = None if output is None else os.fspath(output)
         if name is not None:
             refuse_existing(name, overwrite)
         if client is None:
             if options:
                 raise TypeError(f"run() got an unexpected keyword argument {min(options)!r}")
-            return self._plan.run(task, name, overwrite, settings(threads, memory, progress))
-        if task is not None or progress is not None:
+            parts = number("split", split)
+            return self._plan.run(task, name, parts, overwrite, settings(threads, memory, progress))
+        if task is not None or progress is not None or split is not None:
             raise usage(
                 "a cluster does all tasks that are not done, and tells of it itself",
-                "leave out task and progress, or client",
+                "leave out task, split and progress, or client",
             )
         from dataclasses import asdict
 

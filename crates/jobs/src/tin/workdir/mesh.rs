@@ -265,8 +265,8 @@ mod tests {
         json!({
             "kind": "tin", "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
             "method": {
-                "input": { "names": ["synth:rough"], "label": "synth:rough" }, "band": 1,
-                "nodata": "NaN", "format": "PLY", "max_error": 0.1, "bound": "samples", "strict": false, "drop": true,
+                "input": { "names": ["synth:rough"], "label": "synth:rough" },
+                "reading": { "nodata": "nan" }, "format": "PLY", "max_error": 0.1, "refinement": { "bound": "samples" },
                 "tile": 16, "strip_rows": 2, "height_origin": null,
             },
             "grid": {

@@ -1,0 +1,52 @@
+"""What a proof found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class Report:
+    """What a proof found. True where it is `ok`."""
+
+    def __init__(self, told: dict[str, Any]) -> None:
+        self._told = told
+
+    @property
+    def ok(self) -> bool:
+        """All that was promised was looked at, and is kept."""
+        return bool(self._told["passed"] and self._told["judged"])
+
+    @property
+    def max_error(self) -> float | None:
+        """The largest vertical distance of a sample (or point) from the mesh."""
+        error: float | None = self._told.get("max_error")
+        return error
+
+    @property
+    def surface_error(self) -> float | None:
+        """The largest distance of any point of the lines between neighbouring samples; None of clouds."""
+        error: float | None = self._told.get("surface_error")
+        return error
+
+    @property
+    def failures(self) -> list[str]:
+        """What is broken, and where."""
+        return list(self._told["failures"])
+
+    @property
+    def not_judged(self) -> list[str]:
+        """What was promised and not looked at."""
+        return list(self._told["not_judged"])
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it, as `terrane verify --json` tells it."""
+        return dict(self._told)
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    def __repr__(self) -> str:
+        error = "" if self.max_error is None else f"max_error {self.max_error:.6g}"
+        told = "; ".join(self.failures or self.not_judged) or error
+        return f"<terrane.Report: {'ok' if self.ok else 'not ok'}, {told}>"
+
