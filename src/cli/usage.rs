@@ -76,11 +76,11 @@ mod tests {
              see `terrane --help`"
         );
         assert_eq!(
-            line(&["tin", "a.tif", "b.ply"]),
-            "the following required arguments were not provided: \
-             <--max-error <E>|--max-vertices <N>|--max-triangles <N>>; see `terrane tin --help`"
+            line(&["plan", "tin", "a.tif"]),
+            "the following required arguments were not provided: --output <FOLDER>; \
+             see `terrane plan tin --help`"
         );
-        let twice = line(&["tin", "a", "b", "--max-error", "1", "--max-vertices", "9"]);
+        let twice = line(&["plan", "tin", "a", "-o", "w", "--cut", "1", "--strip-rows", "2"]);
         assert!(twice.contains("cannot be used with") && !twice.contains('\n'), "{twice}");
         let negative = line(&["tin", "a", "b", "--max-error", "-1"]);
         assert!(

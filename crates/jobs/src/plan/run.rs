@@ -193,7 +193,7 @@ impl<'a, W: Work> Run<'a, W> {
             Some(path) => path.clone(),
             None => folder.path.join(folder.plan.work.output(&job.form)?),
         };
-        let form = serde_json::to_value(&job.form).unwrap_or_default();
+        let form = serde_json::to_value(job.form).unwrap_or_default();
         let output = Output::new(&folder.path, folder.id, &path, form)?;
         let (note, overwrite) = match writes {
             true => output.claim(job.overwrite, at.cancel)?,

@@ -166,7 +166,7 @@ fn budget() -> Error {
 /// started again. `skipped` are files that are left out of the input, to be noted in the plan.
 ///
 /// # Errors
-/// Those of [`plan_work`] and [`run_plan`].
+/// Those of [`plan_work`] and of any [`RunJob`].
 pub fn run_in(
     folder: &Path,
     job: &TinJob,
