@@ -285,4 +285,5 @@ fn another_option_is_another_plan_and_a_default_is_none() {
     assert!(ran.code == 2 && ran.err.contains("holds another plan"), "{}", ran.err);
     let plan = ["plan", "tin", "g.tif", "-o", "p", "--max-error", "1"];
     place.fails(&[&plan[..], &["--cut", "9"]].concat(), 2, &["--cut is for point clouds"]);
+    place.fails(&plan[..5], 2, &["--max-error <E>", "terrane plan tin --help"]);
 }

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use clap::{ArgMatches, Command};
 use serde_json::{Map, Value};
-use terrane_options::{Field, Options, Role, Table, set_texts, to_map};
+use terrane_options::{Field, Options, Role, Rule, Table, set_texts, to_map};
 
 use crate::cli::shared::tabled::{argument, given};
 use crate::error::{Error, Result};
@@ -38,14 +38,14 @@ pub(crate) struct Union<K, const PLANNED: bool = false> {
     kinds: PhantomData<K>,
 }
 
-/// The options of all kinds, each of the first one that has it.
-fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(&'static Kind, &'static Field)> {
-    let mut found: Vec<(&Kind, &Field)> = Vec::new();
-    for kind in K::ALL {
+/// The options of all kinds, each of the first one that has it, with the number of that kind.
+fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(usize, &'static Field)> {
+    let mut found: Vec<(usize, &Field)> = Vec::new();
+    for (number, kind) in K::ALL.iter().enumerate() {
         let known = |field: &&Field| found.iter().any(|(_, own)| own.name == field.name);
         let new = kind.table.fields().into_iter().filter(|field| !known(field));
         let new: Vec<_> = new.filter(|field| !(PLANNED && field.role == Role::Run)).collect();
-        found.extend(new.into_iter().map(|field| (kind, field)));
+        found.extend(new.into_iter().map(|field| (number, field)));
     }
     found
 }
@@ -69,6 +69,15 @@ fn about<K: Kinds>(field: &Field) -> String {
     about
 }
 
+/// True for the only one of the options of which one has to be given that a plan has.
+fn is_only_one(table: &'static Table, name: &str) -> bool {
+    let is_planned = |name: &&&str| table.find(name).is_some_and(|own| own.role != Role::Run);
+    table.rules().into_iter().any(|rule| match rule {
+        Rule::OneOf(names, _) => names.iter().filter(is_planned).eq([&name]),
+        Rule::NotWith(..) | Rule::Needs(..) => false,
+    })
+}
+
 /// A text that goes on after a colon.
 fn uncapitalized(text: &str) -> String {
     let mut letters = text.chars();
@@ -77,9 +86,11 @@ fn uncapitalized(text: &str) -> String {
 
 impl<K: Kinds, const PLANNED: bool> clap::Args for Union<K, PLANNED> {
     fn augment_args(command: Command) -> Command {
-        fields::<K, PLANNED>().into_iter().fold(command, |command, (kind, field)| {
-            let default = &(kind.defaults)()[field.name];
-            command.arg(argument::<PLANNED>(field, default, &about::<K>(field)))
+        let defaults: Vec<_> = K::ALL.iter().map(|kind| (kind.defaults)()).collect();
+        fields::<K, PLANNED>().into_iter().fold(command, |command, (number, field)| {
+            let (kind, default) = (&K::ALL[number], &defaults[number][field.name]);
+            let argument = argument::<PLANNED>(field, default, &about::<K>(field));
+            command.arg(argument.required(PLANNED && is_only_one(kind.table, field.name)))
         })
     }
 

@@ -1,7 +1,6 @@
 //! How long work runs: on a thread of its own, without the interpreter, which is asked for signals meanwhile and
 //! told of progress.
 
-use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -21,7 +20,6 @@ const TICK: Duration = Duration::from_millis(30);
 pub(crate) struct Settings {
     threads: Option<usize>,
     memory: Option<Amount>,
-    temp_dir: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 }
 
@@ -35,7 +33,6 @@ enum Amount {
 pub(crate) struct Machine {
     pub(crate) threads: Option<usize>,
     pub(crate) memory: Option<Memory>,
-    pub(crate) temp_dir: Option<PathBuf>,
     pub(crate) progress: Stage,
     pub(crate) cancel: Cancel,
 }
@@ -50,9 +47,6 @@ macro_rules! with_machine {
         }
         if let Some(memory) = machine.memory.clone() {
             builder = builder.memory(memory);
-        }
-        if let Some(folder) = &machine.temp_dir {
-            builder = builder.temp_dir(folder);
         }
         builder
     }};
@@ -98,14 +92,14 @@ pub(crate) fn run<T: Send>(
     settings: Settings,
     work: impl FnOnce(&Machine) -> Result<T> + Send,
 ) -> PyResult<T> {
-    let Settings { threads, memory, temp_dir, progress } = settings;
+    let Settings { threads, memory, progress } = settings;
     let memory = memory.map(|memory| match memory {
         Amount::Bytes(bytes) => Memory::from(bytes),
         Amount::Text(text) => Memory::from(text),
     });
     let (stage, cancel) = (Stage::default(), Cancel::default());
     let machine =
-        Machine { threads, memory, temp_dir, progress: stage.clone(), cancel: cancel.clone() };
+        Machine { threads, memory, progress: stage.clone(), cancel: cancel.clone() };
     let mut last = Told::default();
     let mut look = |py: Python<'_>| -> PyResult<()> {
         py.check_signals()?;

@@ -319,7 +319,7 @@ def through_files(
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         before, after = (os.path.join(folder, name) for name in ("before.wkt", "after.wkt"))
         _terrane.write_geometries(before, groups, crs_text(crs))
-        machine = {key: run[key] for key in ("threads", "memory", "temp_dir")}
+        machine = {key: run[key] for key in ("threads", "memory")}
         _terrane.run_on_features("simplify", before, after, {**asked, **machine}, run)
         with open(after) as file:
             found = shapely.from_wkt([line.rstrip("\n") for line in file if line.strip()])

@@ -17,7 +17,6 @@ class Settings(TypedDict):
 
     threads: int | None
     memory: int | str | None
-    temp_dir: str | None
     progress: Progress | None
 
 
@@ -25,17 +24,14 @@ def settings(
     threads: int | None,
     memory: int | str | None,
     progress: Any = None,
-    temp_dir: Path | None = None,
 ) -> Settings:
     """Settings from the arguments that functions have for them. `progress` is a function of the stage, what is
     done and the total, or tqdm's class, or True for it."""
     from terrane._numbers import number
 
-    folder = None if temp_dir is None else os.fspath(temp_dir)
     return {
         "threads": number("threads", threads),
         "memory": memory if isinstance(memory, str) else number("memory", memory),
-        "temp_dir": folder,
         "progress": told_by(progress),
     }
 
