@@ -159,7 +159,6 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("cloud-tin.clip", "\"near.wkt\"", "{}"),
     ("cloud-tiles.clip", "\"near.wkt\"", "{}"),
     ("cloud-tin.keep_withheld", "true", "{}"),
-    ("cloud-tiles.keep_withheld", "true", "{}"),
     ("cloud-tiles.format", "[\"3dtiles\"]", "{}"),
     ("cloud-tiles.ground", "\"csf:rigidness=1\"", "{}"),
     ("cloud-tiles.water", "\"near.wkt\"", "{}"),
@@ -172,5 +171,11 @@ pub(crate) const UNTRIED: &[(&str, &str)] = &[
     ("geoid", "needs a geoid, see geoids"),
     ("points.keep_withheld", "points marked as withheld are written as others are"),
     ("cloud-tin.keep_degrees", "needs a cloud in degrees, see prints"),
+    (
+        "cloud-tiles.keep_withheld",
+        "the few points that are marked as withheld are none of the ground",
+    ),
+    ("cloud-tiles.crs", "tiles have to know where points lie, see tiles_cloud"),
+    ("cloud-tiles.return", "a model of the ground is made of the returns that it needs"),
     ("salvage", "needs a damaged cloud, see salvage"),
 ];

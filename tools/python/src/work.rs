@@ -98,8 +98,7 @@ pub(crate) fn run<T: Send>(
         Amount::Text(text) => Memory::from(text),
     });
     let (stage, cancel) = (Stage::default(), Cancel::default());
-    let machine =
-        Machine { threads, memory, progress: stage.clone(), cancel: cancel.clone() };
+    let machine = Machine { threads, memory, progress: stage.clone(), cancel: cancel.clone() };
     let mut last = Told::default();
     let mut look = |py: Python<'_>| -> PyResult<()> {
         py.check_signals()?;
