@@ -177,5 +177,6 @@ pub(crate) const UNTRIED: &[(&str, &str)] = &[
     ),
     ("cloud-tiles.crs", "tiles have to know where points lie, see tiles_cloud"),
     ("cloud-tiles.return", "a model of the ground is made of the returns that it needs"),
+    ("cloud-tiles.drop_flag", "the few points that are marked are none of the ground"),
     ("salvage", "needs a damaged cloud, see salvage"),
 ];
