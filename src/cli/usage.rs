@@ -76,11 +76,23 @@ mod tests {
              see `terrane --help`"
         );
         assert_eq!(
-            line(&["plan", "tin", "a.tif"]),
+            line(&["plan", "tin", "a.tif", "--max-error", "1"]),
             "the following required arguments were not provided: --output <FOLDER>; \
              see `terrane plan tin --help`"
         );
-        let twice = line(&["plan", "tin", "a", "-o", "w", "--cut", "1", "--strip-rows", "2"]);
+        let twice = line(&[
+            "plan",
+            "tin",
+            "a",
+            "-o",
+            "w",
+            "--max-error",
+            "1",
+            "--cut",
+            "1",
+            "--strip-rows",
+            "2",
+        ]);
         assert!(twice.contains("cannot be used with") && !twice.contains('\n'), "{twice}");
         let negative = line(&["tin", "a", "b", "--max-error", "-1"]);
         assert!(

@@ -210,6 +210,10 @@ fn bad_files_by_themselves_are_skipped_when_asked() {
     // A mesh is no bad grid.
     place.ok(&["info", "m.ply", "--skip-bad"]);
     place.ok(&["view", "m.ply", "-o", "m.png", "--skip-bad"]);
+    place.ok(&["tin", "g/a.asc", "g/c.asc", "proved.ply", "--max-error", "0", "-q"]);
+    let proof = ["verify", "proved.ply", "g/a.asc", "g/c.asc", "g/none.asc"];
+    assert!(place.ok(&[&proof[..], &["--skip-bad"]].concat()).err.contains("skipped g/none.asc"));
+    place.fails(&proof, 65, &["g/none.asc", "no such file", "check the name"]);
 }
 
 #[test]

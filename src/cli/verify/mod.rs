@@ -119,10 +119,13 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         }
         return args.prove::<CloudMeshProof, CloudInput>(cancel, cloud::summary);
     }
-    if !args.many.skip_bad {
-        check::inputs(&args.source)?;
+    // One of many that is not there may be skipped.
+    let is_skipped =
+        |name: &String| args.many.skip_bad && args.source.len() > 1 && check::input(name).is_err();
+    for grid in args.source.iter().filter(|name| !is_skipped(name)) {
+        check::input(grid)?;
+        check_kinds(&args.mesh, grid)?;
     }
-    args.source.iter().try_for_each(|grid| check_kinds(&args.mesh, grid))?;
     args.prove::<MeshProof, GridInput>(cancel, grid::summary)
 }
 

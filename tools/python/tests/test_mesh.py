@@ -306,5 +306,5 @@ def test_proofs_fail_where_a_mesh_is_wrong(heights: NDArray[np.float32], tmp_pat
     told = terrane.write_tin(heights, path, 5.0)
     assert told["vertices"] == len(mesh.vertices)
     assert terrane.verify(path, heights).as_dict()["passed"]
-    with pytest.raises(terrane.Error, match="no mesh"):
+    with pytest.raises(terrane.Error, match="no path of a mesh"):
         terrane.verify(5, heights)  # type: ignore[arg-type]

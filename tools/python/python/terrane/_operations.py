@@ -162,7 +162,9 @@ def proved(name: str) -> Callable[..., Report]:
                 file.write(path)
                 return Report({**prove(name, path, src, given).as_dict(), "mesh": "in memory"})
         if not isinstance(file, str | os.PathLike):
-            raise usage(f"a {type(file).__name__} is no {PROVED[name][0]}", "pass a terrane.Mesh or a path")
+            of = PROVED[name][0]
+            remedy = "pass a terrane.Mesh or a path" if name == "verify" else "pass a path"
+            raise usage(f"a {type(file).__name__} is no path of {'a mesh' if of == 'mesh' else of}", remedy)
         return prove(name, os.fspath(file), src, given)
 
     function.__name__ = function.__qualname__ = called(name)

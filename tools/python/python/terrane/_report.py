@@ -47,6 +47,6 @@ class Report:
 
     def __repr__(self) -> str:
         error = "" if self.max_error is None else f"max_error {self.max_error:.6g}"
-        told = "; ".join(self.failures or self.not_judged) or error
-        return f"<terrane.Report: {'ok' if self.ok else 'not ok'}, {told}>"
+        told = ["ok" if self.ok else "not ok", "; ".join(self.failures or self.not_judged) or error]
+        return f"<terrane.Report: {', '.join(filter(None, told))}>"
 
