@@ -168,7 +168,8 @@ fn what_makes_no_sense_is_refused() {
     assert_eq!(made(tin().max_error(f64::NAN)), ErrorKind::Usage);
     assert_eq!(made(tin().max_error(1.0).tile(3)), ErrorKind::Usage);
     assert_eq!(made(tin().max_error(1.0).memory("x")), ErrorKind::Usage);
-    assert_eq!(made(tin().max_error(1.0).memory(1)), ErrorKind::Resource);
+    assert_eq!(made(tin().max_error(1.0).memory(1)), ErrorKind::Usage);
+    assert_eq!(made(tin().max_error(1.0).memory(1 << 20)), ErrorKind::Resource);
     let nowhere = [f32::NAN; 16];
     let empty = Tin::from_array(&nowhere, 4, 4).unwrap().max_error(1.0);
     assert_eq!(made(empty), ErrorKind::BadInput);
