@@ -293,11 +293,11 @@ fn a_bound_on_the_surface_of_points_or_lines_is_refused_by_name() {
     place.fails(
         &["verify", "c.ply", "c.laz", "--bound", "surface"],
         2,
-        &["--bound surface", "cloud"],
+        &["--bound is for meshes of grids", "clouds"],
     );
     place.ok(&["contour", TERRAIN, "-o", "l.geojson", "--interval", "50"]);
     let lines = ["verify", "l.geojson", "l.geojson", "--bound", "surface"];
-    place.fails(&lines, 2, &["--bound surface", "lines"]);
+    place.fails(&lines, 2, &["--bound is for meshes of grids", "lines"]);
     let bytes = std::fs::read(place.path("c.ply")).unwrap();
     let at = bytes.windows(18).position(|some| some == b"comment max error ").unwrap();
     place.write("d.ply", [&bytes[..at], b"comment bound surface\n", &bytes[at..]].concat());

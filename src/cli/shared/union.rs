@@ -50,18 +50,22 @@ fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(usize, &'static Field)> {
     found
 }
 
-/// What an option is, of which kinds if it is not of all, and where they differ in it of each.
-fn about<K: Kinds>(field: &Field) -> String {
+/// What an option is, of which kinds if it is not of all, and where they differ in it of each; `all` are the options of
+/// each kind.
+fn about<K: Kinds>(field: &Field, all: &[Vec<&'static Field>]) -> String {
     let mut told = vec![field.off.unwrap_or(field.about)];
-    let having = K::ALL.iter().filter(|kind| kind.table.find(field.name).is_some());
-    let having: Vec<&str> = having.map(|kind| kind.of).collect();
+    let of_each = K::ALL.iter().zip(all);
+    let of_each = of_each
+        .filter_map(|(kind, own)| Some((kind, own.iter().find(|own| own.name == field.name)?)));
+    let of_each: Vec<_> = of_each.collect();
+    let having: Vec<&str> = of_each.iter().map(|(kind, _)| kind.of).collect();
     let mut about = match having.len() < K::ALL.len() {
         true => format!("{} ({})", told[0], having.join(", ")),
         false => told[0].to_owned(),
     };
-    for kind in K::ALL {
-        let other = kind.table.find(field.name).map(|own| own.off.unwrap_or(own.about));
-        if let Some(other) = other.filter(|other| !told.contains(other)) {
+    for (kind, own) in of_each {
+        let other = own.off.unwrap_or(own.about);
+        if !told.contains(&other) {
             about += &format!(". Of {}: {}", kind.of, uncapitalized(other));
             told.push(other);
         }
@@ -87,9 +91,10 @@ fn uncapitalized(text: &str) -> String {
 impl<K: Kinds, const PLANNED: bool> clap::Args for Union<K, PLANNED> {
     fn augment_args(command: Command) -> Command {
         let defaults: Vec<_> = K::ALL.iter().map(|kind| (kind.defaults)()).collect();
+        let all: Vec<_> = K::ALL.iter().map(|kind| kind.table.fields()).collect();
         fields::<K, PLANNED>().into_iter().fold(command, |command, (number, field)| {
             let (kind, default) = (&K::ALL[number], &defaults[number][field.name]);
-            let argument = argument::<PLANNED>(field, default, &about::<K>(field));
+            let argument = argument::<PLANNED>(field, default, &about::<K>(field, &all));
             command.arg(argument.required(PLANNED && is_only_one(kind.table, field.name)))
         })
     }
