@@ -73,7 +73,7 @@ fn about<K: Kinds>(field: &Field, all: &[Vec<&'static Field>]) -> String {
     about
 }
 
-/// True for the only one of the options of which one has to be given that a plan has.
+/// True for an option that a plan cannot do without: of several targets, the only one that a plan has.
 fn is_only_one(table: &'static Table, name: &str) -> bool {
     let is_planned = |name: &&&str| table.find(name).is_some_and(|own| own.role != Role::Run);
     table.rules().into_iter().any(|rule| match rule {
@@ -127,7 +127,7 @@ impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
         &self.names
     }
 
-    /// The options for an input, which is of the kind that they are of.
+    /// The options of one kind, for an input of that kind.
     ///
     /// # Errors
     /// Usage: an option of other kinds was given.

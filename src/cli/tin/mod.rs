@@ -145,7 +145,7 @@ impl Args {
     }
 }
 
-/// Fails where the mesh is none that can be proved against the grid.
+/// Fails for meshes that cannot be proved against their grid: solids, and those in another reference system.
 fn refuse_proof(options: &TinOptions) -> Result<()> {
     if options.base.is_some() || !options.co.is_empty() {
         return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")

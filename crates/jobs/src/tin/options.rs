@@ -233,7 +233,7 @@ impl TinOptions {
     }
 }
 
-/// The error of what a method does not have.
+/// The error of an option that a method does not have.
 fn not_of(method: &str, option: &str) -> Error {
     Error::usage(format!("the method {method} has no ‹{option}›"))
 }

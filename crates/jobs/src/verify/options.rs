@@ -32,7 +32,8 @@ pub struct Written {
     pub original: Inputs,
 }
 
-/// A proof that what was written keeps its promises, by code that shares nothing with what wrote it: a struct of options.
+/// A proof that a written file keeps its promises, by code that shares nothing with the code that wrote it: a struct of
+/// options.
 pub trait Proof: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> {
     /// What is proved, for people, such as "meshes of grids".
     const OF: &'static str;

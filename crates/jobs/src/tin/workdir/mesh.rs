@@ -266,7 +266,12 @@ mod tests {
             "kind": "tin", "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
             "method": {
                 "input": { "names": ["synth:rough"], "label": "synth:rough" },
-                "reading": { "nodata": "nan" }, "format": "PLY", "max_error": 0.1, "refinement": { "bound": "samples" },
+                "reading": { "band": null, "nodata": "nan", "bounds": null, "clip": null, "water": null },
+                "format": "PLY", "max_error": 0.1,
+                "refinement": {
+                    "bound": "samples", "strict": false, "drop": true, "fit": false, "triangulation": null,
+                    "min_angle": null, "keep_points": null, "breaklines": null,
+                },
                 "tile": 16, "strip_rows": 2, "height_origin": null,
             },
             "grid": {
@@ -291,11 +296,7 @@ mod tests {
     #[test]
     fn a_plan_comes_back_from_its_file_and_another_version_is_refused() {
         let back = read(plan(9000)).unwrap();
-        let again = serde_json::to_value(&back).unwrap();
-        assert_eq!(again["grid"], plan(9000)["grid"]);
-        assert_eq!(again["method"]["reading"]["nodata"], "nan");
-        assert_eq!(again["method"]["refinement"]["drop"], true);
-        assert_eq!(serde_json::to_value(read(again.clone()).unwrap()).unwrap(), again);
+        assert_eq!(serde_json::to_value(&back).unwrap(), plan(9000));
         let (output, resources) = (PathBuf::new(), Resources::default());
         let order = Order { output, overwrite: false, form: Form::default(), resources };
         assert!(back.work.job(order).reading.nodata.is_some_and(f64::is_nan));
