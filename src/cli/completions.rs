@@ -19,13 +19,13 @@ impl Verb for Args {
     const NAME: &'static str = "completions";
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        run(self, call.command)
+        run(self, (call.command)())
     }
 }
 
-fn run(args: &Args, command: &Command) -> Result<Outcome> {
+fn run(args: &Args, mut command: Command) -> Result<Outcome> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut command.clone(), "terrane", &mut script);
+    clap_complete::generate(args.shell, &mut command, "terrane", &mut script);
     say::to_stdout(&script)?;
     Ok(Outcome::Kept)
 }

@@ -24,13 +24,13 @@ impl Verb for Args {
     const NAME: &'static str = "man";
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        run(self, call.command)
+        run(self, (call.command)())
     }
 }
 
-fn run(args: &Args, command: &Command) -> Result<Outcome> {
+fn run(args: &Args, command: Command) -> Result<Outcome> {
     atomic::create_folders(&args.dir)?;
-    let mut command = command.clone().disable_help_subcommand(true);
+    let mut command = command.disable_help_subcommand(true);
     command.build();
     let mut verbs = Vec::new();
     told_of(&command, &mut verbs);

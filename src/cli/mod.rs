@@ -90,14 +90,25 @@ const VERBS: &[Entry] = &[
 )]
 struct Cli;
 
-/// The whole command line, for parsing, help, completions and man pages.
+/// The whole command line, for help, completions and man pages.
 fn command() -> Command {
-    VERBS.iter().fold(Cli::command(), |command, verb| command.subcommand((verb.command)()))
+    command_of(VERBS)
+}
+
+fn command_of(verbs: &[Entry]) -> Command {
+    verbs.iter().fold(Cli::command(), |command, verb| command.subcommand((verb.command)()))
+}
+
+/// The command line with the verb that comes first alone: the options of all verbs take a millisecond and a megabyte.
+/// The whole one, where no verb comes first.
+fn command_for(args: &[OsString]) -> Command {
+    let first = args.get(1).and_then(|word| VERBS.iter().position(|verb| verb.is_called(word)));
+    command_of(first.map_or(VERBS, |place| &VERBS[place..=place]))
 }
 
 /// The verb that is asked for, with its arguments.
-fn parse(args: &[OsString], command: &Command) -> Result<Job, clap::Error> {
-    let matches = command.clone().try_get_matches_from(args)?;
+fn parse(args: &[OsString], command: Command) -> Result<Job, clap::Error> {
+    let matches = command.try_get_matches_from(args)?;
     let asked = matches.subcommand().and_then(|(name, found)| {
         VERBS.iter().find(|verb| verb.name == name).map(|verb| (verb.parse)(found))
     });
@@ -109,10 +120,9 @@ fn parse(args: &[OsString], command: &Command) -> Result<Job, clap::Error> {
 pub(crate) fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     heap::give_back();
     let args: Vec<OsString> = args.into_iter().collect();
-    let command = &command();
-    let job = match parse(&args, command) {
+    let job = match parse(&args, command_for(&args)) {
         Ok(job) => job,
-        Err(error) => return usage::report(&error, &args, command),
+        Err(error) => return usage::report(&error, &args, &command_for(&args)),
     };
     let cancel = &Cancel::default();
     signal::stop(cancel.clone());

@@ -1,5 +1,6 @@
 //! What a verb is to the command line, and how one of any type becomes a line of the list of them.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use clap::{ArgMatches, Command};
@@ -50,7 +51,7 @@ pub(crate) trait Verb: clap::Args + 'static {
 pub(crate) struct Call<'a> {
     pub(crate) cancel: &'a Cancel,
     /// The whole command line, for those who write about it.
-    pub(crate) command: &'a Command,
+    pub(crate) command: fn() -> Command,
 }
 
 /// A verb with its arguments, ready to run.
@@ -59,6 +60,8 @@ pub(crate) type Job = Box<dyn Fn(&Call<'_>) -> Result<Outcome>>;
 /// A verb of any type.
 pub(crate) struct Entry {
     pub(crate) name: &'static str,
+    /// What else it may be called.
+    aliases: &'static [&'static str],
     /// The verb as clap sees it.
     pub(crate) command: fn() -> Command,
     /// Takes its arguments from what clap found.
@@ -67,7 +70,12 @@ pub(crate) struct Entry {
 
 impl Entry {
     pub(crate) const fn of<V: Verb>() -> Self {
-        Self { name: V::NAME, command: command::<V>, parse: parse::<V> }
+        Self { name: V::NAME, aliases: V::ALIASES, command: command::<V>, parse: parse::<V> }
+    }
+
+    /// True for the word that stands for it.
+    pub(crate) fn is_called(&self, word: &OsStr) -> bool {
+        word == self.name || self.aliases.iter().any(|alias| word == *alias)
     }
 
     /// One that no help tells of.
