@@ -42,10 +42,11 @@
 //! | data | door | what can be made of it |
 //! |---|---|---|
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
-//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`verify`](Grid::verify) |
+//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`picture`](Grid::picture), [`page`](Grid::page), [`inspect`](Grid::inspect), [`verify`](Grid::verify) |
 //! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
-//! | point clouds, or points in memory | [`open_cloud`], [`open_cloud_as`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`points`](Cloud::points), [`verify`](Cloud::verify) |
-//! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
+//! | point clouds, or points in memory | [`open_cloud`], [`open_cloud_as`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`points`](Cloud::points), [`page`](Cloud::page), [`inspect`](Cloud::inspect), [`verify`](Cloud::verify) |
+//! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`page`](Features::page), [`inspect`](Features::inspect), [`verify`](Features::verify) |
+//! | meshes in files | [`open_mesh`] | [`picture`](Mesh::picture), [`page`](Mesh::page), [`inspect`](Mesh::inspect) |
 //! | a line in memory | [`simplify`] | fewer vertices |
 //! | a folder with a plan | [`Plan::open`] | what the plan says, by any number of machines |
 //!
@@ -86,12 +87,17 @@ pub use terrane_jobs::contour::{ContourOptions, ContourReport};
 pub use terrane_jobs::convert::{ConvertOptions, ConvertReport};
 pub use terrane_jobs::figures::Figures;
 pub use terrane_jobs::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
+pub use terrane_jobs::info::{
+    CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
+    GridInfoReport, Inspection, MeshInfoOptions, MeshInfoReport,
+};
 pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
 pub use terrane_jobs::operation::{
     AnyOperation, Divisible, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,
     check_named,
 };
 pub use terrane_jobs::options::{CloudInput, GridInput, PointFilter};
+pub use terrane_jobs::page::{CloudPageOptions, LinePageOptions, PageOptions, PageReport};
 pub use terrane_jobs::placing::Placing;
 pub use terrane_jobs::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
 pub use terrane_jobs::relief::{
@@ -114,6 +120,7 @@ pub use terrane_jobs::verify::{
     CloudMeshProof, CloudTilesProof, CloudVerifyReport, LineProof, LineVerifyReport, MeshProof,
     Proof, TilesProof, Verdict, VerifyReport, Written,
 };
+pub use terrane_jobs::view::{PictureOptions, ViewReport};
 pub use terrane_jobs::{Cancel, FileAt, Progress, Silent};
 pub use terrane_methods::Triangulation;
 pub use terrane_raster::{ArrayGrid, ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};

@@ -21,13 +21,15 @@ use crate::jobs::convert::ConvertReport;
 use crate::jobs::grid::GridReport;
 use crate::jobs::memory::cache_beside;
 use crate::jobs::operation::{Has, Input, Operation, Request, Writes, read_beside};
-use crate::jobs::options::{CloudInput, GridInput, Replacing};
+use crate::jobs::options::{CloudInput, FeatureInput, GridInput, Replacing};
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tiles::TilesReport;
 use crate::jobs::tin::TinReport;
+use crate::jobs::page::PageReport;
 use crate::jobs::translate::TranslateReport;
+use crate::jobs::view::ViewReport;
 use crate::raster::Inputs;
-use crate::{cloud, raster};
+use crate::{cloud, raster, vector};
 
 /// A report for people.
 pub(super) trait Summary: serde::Serialize {
@@ -80,6 +82,18 @@ impl Summary for CloudTinReport {
 impl Summary for TilesReport {
     fn summary(&self) -> String {
         super::tiles::summary(self)
+    }
+}
+
+impl Summary for ViewReport {
+    fn summary(&self) -> String {
+        super::view::summary(self)
+    }
+}
+
+impl Summary for PageReport {
+    fn summary(&self) -> String {
+        super::view::page_summary(self)
     }
 }
 
@@ -136,6 +150,7 @@ fn skip_bad<I: Source>(options: &mut impl Has<I>, many: &Many) {
 pub(super) enum Opening {
     Grids(raster::OpenOptions),
     Clouds(Box<cloud::OpenOptions>),
+    Features(vector::OpenOptions),
 }
 
 impl Opening {
@@ -143,7 +158,7 @@ impl Opening {
     fn of_colours(self, colours: bool) -> Self {
         match self {
             Self::Grids(options) => Self::Grids(raster::OpenOptions { colours, ..options }),
-            Self::Clouds(_) => self,
+            Self::Clouds(_) | Self::Features(_) => self,
         }
     }
 
@@ -151,6 +166,7 @@ impl Opening {
         match self {
             Self::Grids(options) => many::Kind::Grids(options),
             Self::Clouds(options) => many::Kind::Clouds(options),
+            Self::Features(options) => many::Kind::Features(options),
         }
     }
 }
@@ -220,6 +236,24 @@ impl Source for CloudInput {
     }
 }
 
+impl Source for FeatureInput {
+    const NAMES: &'static str = "File of features. The last name is that of the output";
+    const NAMES_PLANNED: &'static str = "File of features";
+    const STDIN: pipes::Holds<'static> = pipes::Holds::Features(None);
+
+    fn opening(&self, _resources: &Resources) -> Result<Opening> {
+        Ok(Opening::Features(vector::OpenOptions { layer: self.layer.clone() }))
+    }
+
+    fn check(_name: &str, _many: &Many, _given: &[&'static str]) -> Result<()> {
+        Ok(())
+    }
+
+    fn lists() -> Vec<String> {
+        vec![lists::features()]
+    }
+}
+
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args<O: Operation<Input: Source> + Has<Replacing>> {
     #[arg(help = O::Input::NAMES, required = true, value_names = value_names(O::TABLE), num_args = 1.., value_parser = names::any())]
@@ -273,7 +307,7 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
             Writes::Colours => vec![lists::creation_options()],
             Writes::Lines => vec![lists::features_written()],
             Writes::Mesh => vec![lists::meshes()],
-            Writes::Tiles | Writes::Points => Vec::new(),
+            Writes::Tiles | Writes::Points | Writes::Picture | Writes::Page => Vec::new(),
         };
         let own = lists::of_options(O::TABLE).collect();
         [O::Input::lists(), own, written, vec![lists::EXIT_CODES.to_owned()]].concat()
@@ -364,7 +398,7 @@ where
     };
     options.check(&output)?;
     input = many.find(&input, opening.kind())?;
-    input.iter().try_for_each(|name| O::Input::check(name, many, given))?;
+    check_inputs(options, &input, many, given)?;
     // A list of files is read, too.
     let lists = named_input.iter().filter_map(|name| name.strip_prefix('@')).map(str::to_owned);
     let read = [O::Input::files(&input)?, read_beside(options)?, lists.collect()].concat();
@@ -388,6 +422,20 @@ where
         options.run(request).map_err(|error| if are_made { synth::size(error) } else { error })?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     Ok(Made { report: made, inputs, skipped, is_poured: stdout.is_some(), _stdin: stdin })
+}
+
+/// Fails for what is not read, and when one of the options that were given cannot act on it.
+fn check_inputs<O>(options: &O, input: &[String], many: &Many, given: &[&'static str]) -> Result<()>
+where
+    O: Operation<Input: Source>,
+{
+    let shows = matches!(O::WRITES, Writes::Picture | Writes::Page);
+    // What is shown may be a part of a mesh; how grids are read is then about the one that it is compared with.
+    let given: Vec<_> = given.iter().copied().filter(|name| !shows || *name != "bounds").collect();
+    match named(options, "against") {
+        Some(grid) => O::Input::check(&grid, many, &given),
+        None => input.iter().try_for_each(|name| O::Input::check(name, many, &given)),
+    }
 }
 
 /// Whether what exists is replaced.

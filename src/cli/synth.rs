@@ -6,11 +6,13 @@ use serde::Serialize;
 use terrane_options::Codec;
 
 use crate::atomic;
+use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, report};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
 use crate::error::{Error, ErrorKind, Result};
+use crate::jobs::Resources;
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::draw::{self, DrawJob};
@@ -37,7 +39,7 @@ pub(super) struct Args {
     #[arg(long)]
     overwrite: bool,
     #[command(flatten)]
-    machine: args::Machine,
+    resources: Tabled<Resources>,
     #[command(flatten)]
     show: args::Show,
 }
@@ -82,7 +84,7 @@ fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = ConvertJob::new(name, &args.output).with(|options| {
         options.file.format = Some("store".to_owned());
         options.file.replacing.overwrite = args.overwrite;
-        options.resources = args.machine.resources();
+        options.resources = args.resources.0.clone();
     });
     let made = convert::run(&job, args.show.progress().as_ref(), cancel);
     tell(&made.map_err(size)?, args)
@@ -106,7 +108,7 @@ fn fly(name: &str, args: &Args, cancel: &Cancel) -> Result<Outcome> {
         output: args.output.clone(),
         format: args.point_format.unwrap_or_default(),
         overwrite: args.overwrite,
-        resources: args.machine.resources(),
+        resources: args.resources.0.clone(),
     };
     check::new_file(&job.output, job.overwrite)?;
     let report = survey::run(&job, args.show.progress().as_ref(), cancel)?;
@@ -119,7 +121,7 @@ fn draw(lines: Lines, args: &Args, cancel: &Cancel) -> Result<Outcome> {
         lines,
         output: args.output.clone(),
         overwrite: args.overwrite,
-        resources: args.machine.resources(),
+        resources: args.resources.0.clone(),
     };
     check::new_file(&job.output, job.overwrite)?;
     let report = draw::run(&job, args.show.progress().as_ref(), cancel)?;

@@ -3,21 +3,25 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use serde_json::{Map, Value as Json};
 use terrane_base::Result;
 use terrane_base::geom::Crs;
 use terrane_cloud::{self as cloud, CloudInfo, HeldCloud, Marks, OpenOptions};
 use terrane_files::name_of;
 use terrane_jobs::cloud_tin::CloudTinOptions;
 use terrane_jobs::grid::GridOptions;
-use terrane_jobs::operation::{AnyOperation, Call, Job, Operation, Request};
+use terrane_jobs::info::CloudInfoOptions;
+use terrane_jobs::operation::{Job, Operation};
 use terrane_jobs::options::CloudInput;
-use terrane_jobs::plan::AnyPlan as Plan;
+use terrane_jobs::page::CloudPageOptions;
 use terrane_jobs::tiles::{CloudTilesOptions, ModelOptions};
 use terrane_jobs::translate::PointsOptions;
 use terrane_jobs::verify::{CloudMeshProof, CloudTilesProof, Proof, Written};
-use terrane_jobs::{Cancel, Progress, Resources};
+use terrane_jobs::Resources;
 use terrane_options::changed;
 use terrane_raster::Inputs;
+
+use super::Data;
 
 /// A point cloud, in one file or many: what [`open_cloud`] opens. Nothing of it is held.
 pub struct Cloud {
@@ -250,39 +254,28 @@ impl Cloud {
         Job::new(Inputs::from(self.inputs.clone()), options)
     }
 
-    /// Runs one of the [`OPERATIONS`](crate::OPERATIONS) on clouds with options by name, and tells what its report is as JSON.
+    /// A page of it for a browser: one file that holds so many of its [points](Job::points) and what is known of them.
     ///
-    /// # Errors
-    /// Options that there are not; else those of [`Job::write`].
-    pub fn run(
-        &self,
-        operation: &AnyOperation,
-        output: &Path,
-        options: &serde_json::Map<String, serde_json::Value>,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<serde_json::Value> {
-        let inputs = &Inputs::from(self.inputs.clone());
-        let request = Request { inputs, output, skipped: &[], is_measured: true, progress, cancel };
-        (operation.run)(&Call { request, reading: changed(&self.reading), options })
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [page, picture] = ["cloud.html", "cloud.png"].map(|name| folder.path().join(name));
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
+    /// assert_eq!(cloud.page().points(1000).write(&page)?.points, Some(1000));
+    /// let known = cloud.inspect().picture(&picture).run()?;
+    /// assert!(known.density.unwrap() > 1.0 && known.picture.unwrap().points > 1000);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn page(&self) -> Job<'_, CloudPageOptions> {
+        self.job(CloudPageOptions { cloud: self.reading.clone(), ..CloudPageOptions::default() })
     }
 
-    /// Plans one of the [`OPERATIONS`](crate::OPERATIONS) that can be divided, as [`Job::plan`] does.
-    ///
-    /// # Errors
-    /// An operation that cannot be divided; options that there are not; else those of [`Job::plan`].
-    pub fn plan(
-        &self,
-        operation: &AnyOperation,
-        folder: &Path,
-        options: &serde_json::Map<String, serde_json::Value>,
-        task_size: Option<u32>,
-        (progress, cancel): (&dyn Progress, &Cancel),
-    ) -> Result<Plan> {
-        let inputs = &Inputs::from(self.inputs.clone());
-        let request =
-            Request { inputs, output: folder, skipped: &[], is_measured: true, progress, cancel };
-        operation.plan(&Call { request, reading: changed(&self.reading), options }, task_size)
+    /// What is known of it, by its headers, or by [all of its points](Job::stats); with a [picture](Job::picture) of it from
+    /// above.
+    pub fn inspect(&self) -> Job<'_, CloudInfoOptions> {
+        let options = CloudInfoOptions { cloud: self.reading.clone(), ..CloudInfoOptions::default() };
+        Job::new(Inputs::from(self.inputs.clone()), options)
     }
 
     /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](Job::dtm)) with square cells of this side, in units
@@ -322,5 +315,15 @@ impl Cloud {
     fn proof<O: Proof>(&self, file: &Path, options: O) -> Job<'_, O, Written> {
         let (file, original) = (file.to_path_buf(), Inputs::from(self.inputs.clone()));
         Job::new(Written { file, original }, options)
+    }
+}
+
+impl Data for Cloud {
+    fn inputs(&self) -> Inputs {
+        Inputs::from(self.inputs.clone())
+    }
+
+    fn reading(&self) -> Map<String, Json> {
+        changed(&self.reading)
     }
 }

@@ -2,14 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::{Map, Value as Json};
 use terrane_base::Result;
+use terrane_jobs::info::FeaturesInfoOptions;
 use terrane_jobs::line::LineOptions;
-use terrane_jobs::operation::{AnyOperation, Call, Job, Request};
+use terrane_jobs::operation::Job;
 use terrane_jobs::options::FeatureInput;
+use terrane_jobs::page::LinePageOptions;
 use terrane_jobs::verify::{LineProof, Written};
-use terrane_jobs::{Cancel, Progress};
+use terrane_options::to_map;
 use terrane_raster::Inputs;
 use terrane_vector::{self as vector, OpenOptions};
+
+use super::Data;
 
 /// Features in a file: points, lines and polygons. Nothing of them is held.
 pub struct Features {
@@ -55,33 +60,50 @@ impl Features {
 
     /// Simpler lines and rings; heights, measures, ids and properties are carried.
     pub fn simplify(&self) -> Job<'_, LineOptions> {
-        let features = FeatureInput { layer: self.layer.clone() };
-        let options = LineOptions { features, ..LineOptions::default() };
-        Job::new(Inputs::from(self.path.clone()), options)
+        Job::new(self.inputs(), LineOptions { features: self.input(), ..LineOptions::default() })
     }
 
-    /// Runs one of the [`OPERATIONS`](crate::OPERATIONS) on features, with options by name, and tells its report as JSON.
+    /// A page of its lines and rings for a browser, with all of their simplifications.
     ///
-    /// # Errors
-    /// Options that there are not; else those of [`Job::write`].
-    pub fn run(
-        &self,
-        operation: &AnyOperation,
-        output: &Path,
-        options: &serde_json::Map<String, serde_json::Value>,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<serde_json::Value> {
-        let inputs = &Inputs::from(self.path.clone());
-        let reading = terrane_options::to_map(&FeatureInput { layer: self.layer.clone() });
-        let request = Request { inputs, output, skipped: &[], is_measured: true, progress, cancel };
-        (operation.run)(&Call { request, reading, options })
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, page] = ["line.wkt", "line.html"].map(|name| folder.path().join(name));
+    /// # std::fs::write(&path, "LINESTRING(0 0, 1 0.01, 2 0)\n").unwrap();
+    /// let lines = terrane::open_features(&path)?;
+    /// assert_eq!(lines.page().write(&page)?.vertices, Some(3));
+    /// assert_eq!(lines.inspect().run()?.lines, 1);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn page(&self) -> Job<'_, LinePageOptions> {
+        Job::new(self.inputs(), LinePageOptions { features: self.input(), ..Default::default() })
+    }
+
+    /// What they are: kinds of geometry, fields, heights, bounds. All of them are read.
+    pub fn inspect(&self) -> Job<'_, FeaturesInfoOptions> {
+        let options = FeaturesInfoOptions { features: self.input(), ..Default::default() };
+        Job::new(self.inputs(), options)
+    }
+
+    fn input(&self) -> FeatureInput {
+        FeatureInput { layer: self.layer.clone() }
     }
 
     /// The proof of simplified lines in a file against these.
     pub fn verify(&self, lines: impl AsRef<Path>) -> Job<'_, LineProof, Written> {
-        let features = FeatureInput { layer: self.layer.clone() };
-        let (file, original) = (lines.as_ref().to_path_buf(), Inputs::from(self.path.clone()));
+        let (features, original) = (self.input(), self.inputs());
+        let file = lines.as_ref().to_path_buf();
         Job::new(Written { file, original }, LineProof { features, ..LineProof::default() })
+    }
+}
+
+impl Data for Features {
+    fn inputs(&self) -> Inputs {
+        Inputs::from(self.path.clone())
+    }
+
+    fn reading(&self) -> Map<String, Json> {
+        to_map(&self.input())
     }
 }

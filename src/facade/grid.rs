@@ -3,15 +3,17 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde_json::{Map, Value as Json};
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_files::name_of;
 use terrane_jobs::colours::ColorReliefOptions;
 use terrane_jobs::contour::ContourOptions;
 use terrane_jobs::convert::ConvertOptions;
-use terrane_jobs::operation::{AnyOperation, Call, Has, Job, Operation, Request};
+use terrane_jobs::operation::{Has, Job, Operation};
+use terrane_jobs::info::GridInfoOptions;
 use terrane_jobs::options::GridInput;
-use terrane_jobs::plan::AnyPlan as Plan;
+use terrane_jobs::page::PageOptions;
 use terrane_jobs::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -19,10 +21,14 @@ use terrane_jobs::relief::{
 use terrane_jobs::tiles::TilesOptions;
 use terrane_jobs::tin::TinOptions;
 use terrane_jobs::verify::{MeshProof, Proof, TilesProof, Written};
-use terrane_jobs::{Cancel, Progress, Resources, memory};
+use terrane_jobs::view::PictureOptions;
+use terrane_jobs::{Resources, memory};
+use terrane_options::to_map;
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
 };
+
+use super::Data;
 
 /// A grid of heights, in one file or many: what [`open`] opens.
 ///
@@ -367,53 +373,43 @@ impl Grid {
         Job::new(self.inputs.clone(), options)
     }
 
-    /// Runs one of the [`OPERATIONS`](crate::OPERATIONS) with options by name, and tells what its report is as JSON.
+    /// A picture of it from above, as shaded relief: PNG, within so many columns.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
     /// # let folder = tempfile::tempdir().unwrap();
-    /// # let path = folder.path().join("slope.tif");
+    /// # let [picture, page] = ["dem.png", "dem.html"].map(|name| folder.path().join(name));
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
-    /// let slope = terrane::OPERATIONS.iter().find(|operation| operation.name == "slope").unwrap();
-    /// let options = serde_json::json!({ "percent": true, "threads": 1 });
-    /// let cancel = terrane::Cancel::default();
-    /// let report = dem.run(slope, &path, options.as_object().unwrap(), &terrane::Silent, &cancel)?;
-    /// assert_eq!(report["width"], 129);
+    /// let made = dem.picture().width(300).altitude(30.0).exaggeration(2.0).write(&picture)?;
+    /// assert_eq!((made.width, made.exaggeration), (300, 2.0));
+    /// let made = dem.page().insertion(true).write(&page)?; // how greedy insertion goes
+    /// assert_eq!(made.page, "insertion");
     /// # Ok(())
     /// # }
     /// ```
-    ///
-    /// # Errors
-    /// Options that there are not; else those of [`Job::write`].
-    pub fn run(
-        &self,
-        operation: &AnyOperation,
-        output: &Path,
-        options: &serde_json::Map<String, serde_json::Value>,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<serde_json::Value> {
-        let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
-        let request = Request { inputs, output, skipped: &[], is_measured: true, progress, cancel };
-        (operation.run)(&Call { request, reading, options })
+    pub fn picture(&self) -> Job<'_, PictureOptions> {
+        self.job()
     }
 
-    /// Plans one of the [`OPERATIONS`](crate::OPERATIONS) that can be divided, as [`Job::plan`] does.
+    /// A page of it for a browser: one file that holds all it shows.
+    pub fn page(&self) -> Job<'_, PageOptions> {
+        self.job()
+    }
+
+    /// What is known of it: size, place, storage, what is odd about it, what a mesh of it would take; and of its
+    /// [heights](Job::stats).
     ///
-    /// # Errors
-    /// An operation that cannot be divided; options that there are not; else those of [`Job::plan`].
-    pub fn plan(
-        &self,
-        operation: &AnyOperation,
-        folder: &Path,
-        options: &serde_json::Map<String, serde_json::Value>,
-        task_size: Option<u32>,
-        (progress, cancel): (&dyn Progress, &Cancel),
-    ) -> Result<Plan> {
-        let (inputs, reading) = (&self.inputs, terrane_options::to_map(&self.reading));
-        let request =
-            Request { inputs, output: folder, skipped: &[], is_measured: true, progress, cancel };
-        operation.plan(&Call { request, reading, options }, task_size)
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// let known = dem.inspect().stats(true).run()?;
+    /// assert_eq!((known.format, known.stats.unwrap().valid), ("synthetic", 129 * 129));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn inspect(&self) -> Job<'_, GridInfoOptions> {
+        let (grid, options) = (self.reading.clone(), GridInfoOptions::default());
+        Job::new(self.inputs.clone(), GridInfoOptions { grid, ..options })
     }
 
     /// Tiles of it for viewers of the globe, in any system, at every level of detail: quantized-mesh 1.0, 3D Tiles 1.1, or
@@ -526,5 +522,15 @@ mod tests {
         let named = open_cloud("synth:cloud,size=60,density=2,seed=5")?;
         assert!(named.grid(2.0).stat("mean").plan(path("plan"), None).is_ok());
         Ok(())
+    }
+}
+
+impl Data for Grid {
+    fn inputs(&self) -> Inputs {
+        self.inputs.clone()
+    }
+
+    fn reading(&self) -> Map<String, Json> {
+        to_map(&self.reading)
     }
 }

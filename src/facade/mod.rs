@@ -3,14 +3,18 @@
 
 mod bands;
 mod cloud;
+mod data;
 mod features;
 mod grid;
+mod mesh;
 mod simplify;
 mod surface;
 
 pub use bands::{BandGrid, open_bands};
 pub use cloud::{Cloud, open_cloud, open_cloud_as, open_points};
+pub use data::Data;
 pub use features::{Features, open_features};
 pub use grid::{Grid, open, open_array};
+pub use mesh::{Mesh, open_mesh};
 pub use simplify::{Coordinates, Method, Simplify, simplify};
 pub use surface::Surface;

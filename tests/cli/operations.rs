@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use serde_json::{Map, Value as Json, json};
-use terrane::{AnyOperation, Cancel, OPERATIONS, Reads, Silent};
+use terrane::{AnyOperation, Cancel, Data, OPERATIONS, Progress, Reads, Silent, Writes};
 use terrane_base::door::Door;
 use terrane_options::{Field, Kind, Role, Rule, Shape, texts_of};
 
@@ -15,7 +15,19 @@ const TERRAIN: &str = "synth:rough,size=90,seed=3";
 
 /// The verb of an operation.
 fn verb(operation: &AnyOperation) -> &'static str {
-    operation.name.trim_start_matches("cloud-")
+    match operation.writes {
+        Writes::Picture | Writes::Page => "view",
+        _ => operation.name.trim_start_matches("cloud-"),
+    }
+}
+
+/// What comes before the name of the output.
+fn before_output(operation: &AnyOperation) -> Option<&'static str> {
+    match operation.writes {
+        Writes::Picture => Some("-o"),
+        Writes::Page => Some("--html"),
+        _ => None,
+    }
 }
 
 /// What options an operation needs to run at all.
@@ -37,6 +49,8 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
 /// The file that an operation writes.
 fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str {
     match (operation.name, options.get("format").and_then(Json::as_str)) {
+        ("picture", _) => "out.png",
+        ("page" | "cloud-page" | "line-page", _) => "out.html",
         ("tiles" | "cloud-tiles", _) => "out",
         ("tin", _) if options.contains_key("split") => "out",
         ("tin" | "cloud-tin", Some("STL")) => "out.stl",
@@ -142,6 +156,7 @@ fn place() -> Place {
         },
     });
     place.write("two.topojson", topology.to_string());
+    place.ok(&["tin", TERRAIN, "mesh.ply", "--max-error", "20", "-q"]);
     place.write("sides.wkt", "POINT (500050 4753520)").write("sides.prj", "EPSG:32631");
     place.ok(&["synth", "cloud,size=60,density=4,seed=5", "cloud.las", "-q"]);
     let text: String = (0..500)
@@ -201,6 +216,7 @@ fn each_option_does_the_same_at_each_door() {
             let Some(options) = tried(operation, field) else { continue };
             let input = match (field.name, operation.reads) {
                 ("band" | "nodata" | "bands" | "weights", Reads::Grid) => "bands.tif",
+                ("edges" | "against", _) => "mesh.ply",
                 ("keep_degrees", _) => "degrees.asc",
                 ("layer", _) => "two.topojson",
                 ("crs", _) => "cloud:cloud.xyz",
@@ -254,6 +270,7 @@ fn write_both(
     let (names, arguments) = arguments(operation, options);
     let mut words = vec![verb(operation), input];
     words.extend(names.iter().map(String::as_str));
+    words.extend(before_output(operation));
     words.push(name);
     words.extend(arguments.iter().map(String::as_str));
     words.push("--json");
@@ -300,20 +317,21 @@ fn by_library(
     output: &Path,
     options: &Map<String, Json>,
 ) -> terrane::Result<Json> {
-    let cancel = Cancel::default();
+    let at: (&dyn Progress, _) = (&Silent, &Cancel::default());
     let path = place.path(input.trim_start_matches("cloud:"));
     match operation.reads {
         Reads::Cloud => {
             let is_text = if input.starts_with("cloud:") { "cloud:" } else { "" };
             let cloud = terrane::open_cloud(format!("{is_text}{}", path.display()))?;
-            cloud.run(operation, output, options, &Silent, &cancel)
+            cloud.run(operation, output, options, at)
         }
-        Reads::Features => {
-            terrane::open_features(path)?.run(operation, output, options, &Silent, &cancel)
+        Reads::Features => terrane::open_features(path)?.run(operation, output, options, at),
+        Reads::Grid if input == "mesh.ply" => {
+            terrane::open_mesh(path)?.run(operation, output, options, at)
         }
         Reads::Grid => {
             let name = if input == TERRAIN { input } else { path.to_str().unwrap() };
-            terrane::open(name)?.run(operation, output, options, &Silent, &cancel)
+            terrane::open(name)?.run(operation, output, options, at)
         }
     }
 }
@@ -384,11 +402,13 @@ fn refuse_both(place: &Place, operation: &AnyOperation, terms: [&str; 2]) {
     let (names, arguments) = arguments(operation, &options);
     let mut words = vec![verb(operation), input(operation)];
     words.extend(names.iter().map(String::as_str));
+    words.extend(before_output(operation));
     words.push(output(operation, &options));
     words.extend(arguments.iter().map(String::as_str));
     place.fails(&words, 2, &[&Door::CommandLine.spell(&together)]);
     options = in_place(place, operation, &options);
-    let path = place.path("none.tif");
+    let ending = place.path(output(operation, &options));
+    let path = place.path("none").with_extension(ending.extension().unwrap_or_default());
     let error = by_library(place, operation, input(operation), &path, &options).unwrap_err();
     assert!(error.to_string().starts_with(&together), "{error}");
     assert!(!path.exists());
@@ -498,7 +518,8 @@ fn names_that_are_none_suggest_the_nearest() {
     let slope = OPERATIONS.iter().find(|operation| operation.name == "slope").unwrap();
     let given = json!({ "percnt": true });
     let given = given.as_object().unwrap();
-    let error = grid.run(slope, &place_of("a.tif"), given, &Silent, &Cancel::default());
+    let at: (&dyn Progress, _) = (&Silent, &Cancel::default());
+    let error = grid.run(slope, &place_of("a.tif"), given, at);
     assert!(error.unwrap_err().to_string().ends_with("did you mean ‹percent›?"));
     place.fails(&["slope", TERRAIN, "a.tif", "--percnt"], 2, &["--percent"]);
     place.fails(&["slpoe", TERRAIN, "a.tif"], 2, &["'slope'"]);
@@ -531,6 +552,7 @@ fn what_was_given_counts_whatever_its_value() {
     let given = json!({ "cell": 2, "ground": "auto" });
     let given = given.as_object().unwrap();
     let output = place.path("o.tif");
-    let error = cloud.run(grid, &output, given, &Silent, &Cancel::default()).unwrap_err();
+    let at: (&dyn Progress, _) = (&Silent, &Cancel::default());
+    let error = cloud.run(grid, &output, given, at).unwrap_err();
     assert!(error.to_string().starts_with("‹ground› cannot act without"), "{error}");
 }

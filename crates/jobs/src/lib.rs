@@ -21,6 +21,7 @@ mod globe;
 pub mod grid;
 mod ground;
 pub mod heights;
+pub mod info;
 pub mod input;
 pub mod kept;
 pub mod line;

@@ -19,6 +19,7 @@ use crate::grid::GridOptions;
 use crate::line::LineOptions;
 use crate::options::{CloudInput, FeatureInput, GridInput, GridOutput};
 use crate::outputs::not_among;
+use crate::page::{CloudPageOptions, LinePageOptions, PageOptions};
 use crate::plan::{AnyPlan, RunJob, RunReport, StatusReport, Written};
 use crate::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
@@ -28,9 +29,12 @@ use crate::sift::Skipped;
 use crate::tiles::{CloudTilesOptions, TilesOptions};
 use crate::tin::TinOptions;
 use crate::translate::PointsOptions;
+use crate::view::PictureOptions;
 use crate::{Cancel, Progress, Resources, Silent, memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;
+use terrane_files::path_of;
+use terrane_mesh::split;
 use terrane_raster::{self as raster, Inputs};
 use terrane_vector as vector;
 
@@ -53,6 +57,10 @@ pub const OPERATIONS: &[AnyOperation] = &[
     AnyOperation::of::<RoughnessOptions>(),
     AnyOperation::of::<TpiOptions>(),
     AnyOperation::of::<TriOptions>(),
+    AnyOperation::of::<PictureOptions>(),
+    AnyOperation::of::<PageOptions>(),
+    AnyOperation::of::<CloudPageOptions>(),
+    AnyOperation::of::<LinePageOptions>(),
 ];
 
 /// A struct of options that has a group of them.
@@ -90,6 +98,10 @@ pub enum Writes {
     Tiles,
     /// Points: a file, or a folder of files.
     Points,
+    /// A picture: a PNG file.
+    Picture,
+    /// A page for browsers: an HTML file.
+    Page,
 }
 
 /// A group of options that says how what an operation reads is read.
@@ -108,7 +120,11 @@ impl Input for GridInput {
     const READS: Reads = Reads::Grid;
 
     fn files(names: &[String]) -> Result<Vec<String>> {
-        raster::files(names)
+        match names {
+            // A mesh may be a folder, too.
+            [one] if split::is_split(&path_of(one)) => Ok(names.to_vec()),
+            _ => raster::files(names),
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{Options, Range, Rule, changed};
 
 use crate::cloud_tin::CloudTinOptions;
 use crate::grid::GridOptions;
@@ -23,6 +23,7 @@ pub use codecs::{
     TriangulationName,
 };
 use terrane_base::attribute::Return;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::wkt;
 use terrane_cloud::{Condition, Filter, Flags, OpenOptions};
 
@@ -48,6 +49,17 @@ pub struct GridInput {
     /// follow the banks
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub water: Option<String>,
+}
+
+impl GridInput {
+    /// Fails when something else is said than which part is meant, as what is read is a mesh.
+    pub(crate) fn refuse_for_meshes(&self) -> Result<()> {
+        let of_grids = Self { bounds: None, ..self.clone() };
+        let given = changed(&of_grids);
+        let Some(name) = given.keys().next() else { return Ok(()) };
+        Err(Error::usage(format!("‹{name}› is for grids, and this is a mesh"))
+            .remedy(format!("leave ‹{name}› out")))
+    }
 }
 
 /// Which points are read, and how

@@ -55,6 +55,18 @@ pub fn place(path: &Path) -> PathBuf {
     })
 }
 
+/// Fails when `path` does not end in one of `endings`.
+pub(crate) fn check_ending(path: &Path, endings: &[&str], what: &str) -> Result<()> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if endings.contains(&ending.as_str()) {
+        return Ok(());
+    }
+    let known: Vec<String> = endings.iter().map(|e| format!(".{e}")).collect();
+    Err(Error::usage(format!("{what} cannot have this ending"))
+        .in_file(path)
+        .remedy(format!("end the name in {}", known.join(" or "))))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

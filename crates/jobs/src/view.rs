@@ -10,8 +10,10 @@
 
 mod grid;
 mod mesh;
+mod options;
 mod sheet;
 
+pub use options::{Exaggeration, Lighting, PictureOptions};
 pub use sheet::{Panel, SheetJob, run_sheet};
 
 use std::io::{BufWriter, Write};
@@ -30,7 +32,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
 use terrane_raster::{Inputs, OpenOptions};
 use terrane_render::{
-    Colours, Coverage, Field, Frame, Light, MAX_PICTURE_SIDE, Painter, Style, natural_exaggeration,
+    Colours, Coverage, Field, Frame, Light, Painter, Style, natural_exaggeration,
 };
 
 /// A picture to draw.
@@ -38,26 +40,10 @@ use terrane_render::{
 pub struct ViewJob {
     /// Grid files or a mesh, or a synthetic terrain by name.
     pub input: Inputs,
-    /// What is read of it.
-    pub reading: GridInput,
     /// PNG file to write.
     pub output: PathBuf,
-    /// Replace an existing picture.
-    pub overwrite: bool,
-    /// Picture columns; rows follow from the aspect.
-    pub width: u32,
-    /// Draw the edges of a mesh's triangles.
-    pub edges: bool,
-    /// Where the light comes from: degrees clockwise from north.
-    pub azimuth: f64,
-    /// Degrees of the light above the horizon.
-    pub altitude: f64,
-    /// Factor on heights before they are lit; chosen to suit the terrain when `None`.
-    pub exaggeration: Option<f64>,
-    /// West, south, east, north of the part to show.
-    pub bbox: Option<[f64; 4]>,
-    /// What the job may use.
-    pub resources: Resources,
+    /// How it is drawn.
+    pub options: PictureOptions,
 }
 
 /// What was drawn.
@@ -106,26 +92,32 @@ const COLOUR_BYTES: u64 = 4 * 4;
 /// Draws a picture.
 pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ViewReport> {
     let started = Instant::now();
-    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.options.replacing.overwrite)?;
     let drawn = match input::open(job.input.names(), &options(job)?)? {
-        Surface::Grid(_) if job.edges => {
+        Surface::Grid(_) if job.options.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
                 .remedy("leave ‹edges› out, or view a mesh made by `terrane tin`"));
         }
         Surface::Grid(grid) => grid::draw(grid.as_ref(), job, progress, cancel)?,
-        Surface::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel)?,
+        Surface::Mesh(mesh) => {
+            job.options.grid.refuse_for_meshes()?;
+            mesh::draw(mesh.as_ref(), job, progress, cancel)?
+        }
     };
     let report = paint(job, &drawn, progress, cancel)?;
-    Ok(ViewReport { run: Figures::since(started, &job.resources), ..report })
+    Ok(ViewReport { run: Figures::since(started, &job.options.resources), ..report })
 }
 
 fn options(job: &ViewJob) -> Result<OpenOptions> {
-    job.reading.options(&job.resources, cache_beside(job.resources.memory))
+    let PictureOptions { grid, resources, .. } = &job.options;
+    // A part is that of the picture.
+    let whole = GridInput { bounds: None, ..grid.clone() };
+    whole.options(resources, cache_beside(resources.memory))
 }
 
 /// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
 fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
-    let bounds = job.bbox.unwrap_or(data);
+    let bounds = job.options.grid.bounds.unwrap_or(data);
     let apart =
         bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
     if apart {
@@ -134,8 +126,8 @@ fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
             .in_file(Path::new(&job.input.to_string()))
             .remedy(format!("the data reach from {west},{south} to {east},{north}")));
     }
-    let frame = Frame::fit(bounds, job.width, ground_scale(bounds, geographic));
-    within_memory(&frame, PIXEL_BYTES, &job.resources)?;
+    let frame = Frame::fit(bounds, job.options.width, ground_scale(bounds, geographic));
+    within_memory(&frame, PIXEL_BYTES, &job.options.resources)?;
     Ok(frame)
 }
 
@@ -165,15 +157,6 @@ fn within_memory(frame: &Frame, pixel_bytes: u64, resources: &Resources) -> Resu
     Ok(())
 }
 
-/// Checks a picture width before work starts.
-pub fn check_width(width: u32) -> Result<()> {
-    if (1..=MAX_PICTURE_SIDE).contains(&width) {
-        return Ok(());
-    }
-    Err(Error::usage(format!("a picture cannot be {width} pixels wide"))
-        .remedy(format!("choose a width from 1 to {MAX_PICTURE_SIDE}")))
-}
-
 fn paint(
     job: &ViewJob,
     drawn: &Drawn,
@@ -183,10 +166,10 @@ fn paint(
     let frame = &drawn.frame;
     let style = style(job, drawn);
     let painter = drawn.painter(style);
-    let mut file = AtomicFile::create(&job.output, job.overwrite)?;
+    let mut file = AtomicFile::create(&job.output, job.options.replacing.overwrite)?;
     let size = [painter.width(), painter.height()];
     let fill = |row, line: &mut [u8]| painter.row(row, line);
-    write_png(&mut file, size, fill, &job.resources, progress, cancel)?;
+    write_png(&mut file, size, fill, &job.options.resources, progress, cancel)?;
     let (low, high) = extremes(&drawn.field);
     Ok(ViewReport {
         input: job.input.to_string(),
@@ -206,8 +189,9 @@ fn paint(
 fn style(job: &ViewJob, drawn: &Drawn) -> Style {
     let ground = drawn.frame.finer(FINENESS).ground_pixel();
     let natural = || natural_exaggeration(&drawn.field, ground);
-    let exaggeration = job.exaggeration.unwrap_or_else(natural);
-    let light = Light::new(job.azimuth, job.altitude);
+    let exaggeration = job.options.heights.exaggeration.unwrap_or_else(natural);
+    let Lighting { azimuth, altitude } = job.options.lighting;
+    let light = Light::new(azimuth, altitude);
     Style { light, exaggeration, ground, fineness: FINENESS as usize }
 }
 
@@ -271,11 +255,5 @@ mod tests {
         assert!((x / y - 0.5).abs() < 1e-9);
         assert!(ground_scale([0.0, 89.0, 1.0, 91.0], true)[0] > 0.0);
         assert_eq!(ground_scale([0.0; 4], false), [1.0, 1.0]);
-    }
-
-    #[test]
-    fn widths_of_nothing_or_too_much_are_refused() {
-        assert!(check_width(0).is_err() && check_width(MAX_PICTURE_SIDE + 1).is_err());
-        assert!(check_width(1).is_ok() && check_width(MAX_PICTURE_SIDE).is_ok());
     }
 }

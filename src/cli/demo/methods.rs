@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::jobs::convert;
 use crate::jobs::tin::{Goal, Refinement, Textbook, TinJob};
 use crate::jobs::verify::Verdict;
-use crate::jobs::view::{Panel, SheetJob, ViewJob, run_sheet};
+use crate::jobs::view::{Panel, SheetJob, run_sheet};
 use crate::jobs::{self, Cancel, Progress, Resources};
 use crate::methods::{METHODS, Triangulation};
 
@@ -80,7 +80,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     atomic::create_folders(&folder)?;
     let [grid, drawn, told] =
         ["terrain.tif", "methods.png", "report.json"].map(|name| folder.join(name));
-    let (resources, progress) = (args.machine.resources(), args.show.progress());
+    let (resources, progress) = (args.resources.0.clone(), args.show.progress());
     let progress = progress.as_ref();
     let copied = convert::run(&terrain(TERRAIN, &grid, &resources), progress, cancel)?;
     let made = |way: &Way| {
@@ -144,7 +144,8 @@ fn sheet(rows: &[Row], output: &Path, resources: &Resources) -> SheetJob {
             format!("{} vertices, error {}", text::count(row.vertices), error(row)),
         ],
     };
-    let each = ViewJob { width: PANEL, ..picture(Path::new(""), output, resources) };
+    let mut each = picture(Path::new(""), output, resources);
+    each.options.width = PANEL;
     SheetJob { panels: rows.iter().map(panel).collect(), columns: COLUMNS, each }
 }
 

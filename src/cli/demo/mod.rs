@@ -6,15 +6,16 @@ mod methods;
 use std::path::{Path, PathBuf};
 
 use crate::atomic;
+use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
-use crate::jobs::options::GridInput;
+use crate::jobs::options::Replacing;
 use crate::jobs::tin::{Goal, TinJob, TinReport};
 use crate::jobs::verify::{VerifyJob, VerifyReport};
-use crate::jobs::view::ViewJob;
+use crate::jobs::view::{PictureOptions, ViewJob};
 use crate::jobs::{self, Cancel, Resources};
 
 /// Make a synthetic terrain, simplify it, prove the result, and draw it
@@ -28,7 +29,7 @@ pub(super) struct Args {
     #[arg(long)]
     methods: bool,
     #[command(flatten)]
-    machine: args::SpillingMachine,
+    resources: Tabled<Resources>,
     #[command(flatten)]
     show: args::Show,
 }
@@ -71,7 +72,7 @@ impl Verb for Args {
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     atomic::create_folders(&args.dir)?;
     let files = Files::within(&args.dir);
-    let resources = args.machine.resources();
+    let resources = args.resources.0.clone();
     let progress = args.show.progress();
     let progress = progress.as_ref();
     convert::run(&terrain(TERRAIN, &files.grid, &resources), progress, cancel)?;
@@ -120,16 +121,13 @@ fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
 fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
     ViewJob {
         input: mesh.to_string_lossy().into_owned().into(),
-        reading: GridInput::default(),
         output: picture.to_owned(),
-        overwrite: true,
-        width: 1600,
-        edges: true,
-        azimuth: 315.0,
-        altitude: 45.0,
-        exaggeration: None,
-        bbox: None,
-        resources: resources.clone(),
+        options: PictureOptions {
+            edges: true,
+            replacing: Replacing { overwrite: true },
+            resources: resources.clone(),
+            ..PictureOptions::default()
+        },
     }
 }
 

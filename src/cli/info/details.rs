@@ -1,11 +1,6 @@
 //! What a format tells of a file besides what all of them tell.
 
-/// Facts by name; of facts with one name the last stays.
-pub(crate) fn of(facts: &[(String, String)]) -> serde_json::Map<String, serde_json::Value> {
-    facts.iter().map(|(name, value)| (name.clone(), value.clone().into())).collect()
-}
-
-/// The same as names and values.
+/// Names and values.
 pub(crate) fn rows(
     details: &serde_json::Map<String, serde_json::Value>,
 ) -> impl Iterator<Item = (String, String)> {

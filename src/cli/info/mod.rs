@@ -8,22 +8,25 @@ mod mesh;
 mod picture;
 mod quality;
 
-use std::path::Path;
-
 use serde::Serialize;
+use terrane_options::check_given;
 
-use crate::cli::shared::many::Kind;
+use crate::cli::operation::{Source, take};
 use crate::cli::shared::many::Many;
+use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, lists, many, names, points, report, say, text};
-use crate::cloud::{Filter, is_cloud};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, report, say, text};
 use crate::error::{Error, ErrorKind, Result};
-use crate::jobs::input::{self, Surface};
+use crate::jobs::info::{
+    CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
+    GridInfoReport, Inspection, MeshInfoOptions, MeshInfoReport,
+};
+use crate::jobs::input::is_mesh;
+use crate::jobs::operation::Has;
+use crate::jobs::options::{CloudInput, FeatureInput, GridInput};
 use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tin::cost;
-use crate::jobs::{Cancel, Progress, Resources};
+use crate::jobs::{Cancel, Progress};
 use crate::raster::Inputs;
-use crate::vector;
 
 /// Tell what grids, meshes, point clouds and files of lines are, what is odd about them, and what a TIN
 /// of a grid would take
@@ -36,31 +39,27 @@ pub(crate) struct Args {
     /// Take all files together for one mosaic or one cloud
     #[arg(long)]
     mosaic: bool,
-    /// Read all samples: share of valid ones, lowest, highest and mean height; of a cloud all points:
-    /// counts by class and return, bounds found, a histogram of heights (features are read to the end in any
-    /// case, and points where some are chosen, as by --class)
-    #[arg(long)]
-    stats: bool,
-    /// The object of TopoJSON files to tell about [default: their first]
-    #[arg(long, value_name = "NAME")]
-    layer: Option<String>,
     #[command(flatten)]
-    quality: quality::Asked,
-    #[command(flatten)]
-    picture: picture::Asked,
+    options: Union<Described>,
     #[command(flatten)]
     pub(crate) many: many::Many,
-    #[command(flatten)]
-    grid: args::Grid,
-    #[command(flatten)]
-    cloud: points::Points,
-    #[command(flatten)]
-    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }
 
-/// Tells about each file; a bad one does not keep the others from being told about.
+/// What is told about.
+#[derive(Clone, Debug)]
+struct Described;
+
+impl Kinds for Described {
+    const ALL: &'static [Kind] = &[
+        Kind::of::<GridInfoOptions>(GridInfoOptions::OF),
+        Kind::of::<MeshInfoOptions>(MeshInfoOptions::OF),
+        Kind::of::<CloudInfoOptions>(CloudInfoOptions::OF),
+        Kind::of::<FeaturesInfoOptions>(FeaturesInfoOptions::OF),
+    ];
+}
+
 impl Verb for Args {
     const NAME: &'static str = "info";
 
@@ -77,16 +76,17 @@ impl Verb for Args {
     }
 }
 
+/// Tells about each file; a bad one does not keep the others from being told about.
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = args.show.progress();
     let (mut is_any_told, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };
-    args.picture.check(&args.files, at_once)?;
+    if args.options.given().contains(&"picture") && args.files.len() > at_once {
+        return Err(Error::usage("‹picture› is of one cloud, and here are several files")
+            .remedy("take them together with --mosaic, or name one"));
+    }
     for files in args.files.chunks(at_once.max(1)) {
-        let described = sift(files, args).and_then(|Sifted { names, skipped }| {
-            Ok((describe(&names, args, progress.as_ref(), cancel)?, skipped))
-        });
-        match described {
+        match args.describe(files, progress.as_ref(), cancel) {
             Ok((facts, skipped)) => {
                 is_any_told = true;
                 match args.show.json {
@@ -122,151 +122,119 @@ fn skip(failures: &[(String, Error)], args: &Args) -> Result<Outcome> {
     Ok(Outcome::Kept)
 }
 
-/// The files that are taken of what is to be told about together.
-fn sift(files: &[String], args: &Args) -> Result<Sifted> {
-    let resources = args.machine.resources();
-    if files.iter().any(|file| many::are_features(file)) {
-        let options = vector::OpenOptions { layer: args.layer.clone() };
-        return args.many.take(files, Kind::Features(&options), &resources);
-    }
-    let are_clouds = files.iter().map(|file| args.many.is_cloud(file));
-    if are_clouds.collect::<Result<Vec<_>>>()?.contains(&true) {
-        let options = args.cloud.open_options(&args.grid, &resources)?;
-        return args.many.take(files, Kind::Clouds(&options), &resources);
-    }
-    args.many.take(files, Kind::Grids(&args.grid.open_options(&resources)), &resources)
+fn told(files: &[String]) -> String {
+    Inputs::from(files.to_vec()).to_string()
 }
 
 /// What is known of a file.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum Facts {
-    Grid(Box<grid::Facts>),
-    Mesh(Box<mesh::Facts>),
-    Cloud(Box<cloud::Facts>),
-    Features(Box<features::Facts>),
-}
-
-impl Args {
-    /// Fails when an object was named, because these are no features.
-    fn refuse_layer(&self, files: &[String]) -> Result<()> {
-        let Some(_) = self.layer else { return Ok(()) };
-        Err(Error::usage("--layer is for files of features, and this is none")
-            .in_file(Path::new(&told(files)))
-            .remedy("leave --layer out"))
-    }
-}
-
-fn told(files: &[String]) -> String {
-    Inputs::from(files.to_vec()).to_string()
-}
-
-fn describe(
-    files: &[String],
-    args: &Args,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Facts> {
-    if files.iter().any(|file| is_cloud(file)) {
-        args.quality.refuse(files, "a point cloud")?;
-        args.refuse_layer(files)?;
-        return describe_cloud(files, args, progress, cancel);
-    }
-    if files.iter().any(|file| many::are_features(file)) {
-        args.quality.refuse(files, "a file of features")?;
-        args.picture.refuse(files, "a file of features")?;
-        return describe_features(files, args, progress, cancel);
-    }
-    args.refuse_layer(files)?;
-    args.picture.refuse(files, "none")?;
-    let as_grid = match describe_surface(files, args, progress, cancel) {
-        Err(error) if error.kind() == ErrorKind::BadInput => error,
-        other => return other,
-    };
-    // A table of positions may be features.
-    match describe_features(files, args, progress, cancel) {
-        Ok(Facts::Features(facts)) if facts.is_more_than_positions() => {
-            let note = format!("taken for features, because as a grid: {as_grid}");
-            Ok(Facts::Features(Box::new(facts.noted(note))))
-        }
-        _ => Err(as_grid),
-    }
-}
-
-fn describe_features(
-    files: &[String],
-    args: &Args,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Facts> {
-    let [file] = files else {
-        return Err(
-            Error::usage("features are told about file by file").remedy("leave --mosaic out")
-        );
-    };
-    args.grid.refuse(file, "a file of features")?;
-    args.cloud.refuse(file)?;
-    let facts = features::describe(file, args.layer.as_ref(), (progress, cancel))?;
-    Ok(Facts::Features(Box::new(facts)))
-}
-
-fn describe_surface(
-    files: &[String],
-    args: &Args,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Facts> {
-    files.iter().try_for_each(|file| args.cloud.refuse(file))?;
-    args.quality.check(&args.grid, files)?;
-    if !args.quality.quality {
-        files.iter().try_for_each(|file| args.machine.check(file))?;
-    }
-    if args.stats {
-        files.iter().try_for_each(|file| args::only_grids("--stats", file))?;
-    }
-    let file = &told(files);
-    let resources: Resources = args.machine.resources();
-    match input::open(files, &args.grid.clipped(&resources)?)? {
-        Surface::Grid(grid) => {
-            args.quality.refuse(files, "a grid")?;
-            let measure = || input::grid_stats(grid.as_ref(), &resources, progress, cancel);
-            let stats = args.stats.then(measure).transpose()?;
-            let plan = cost(grid.as_ref(), &resources);
-            Ok(Facts::Grid(Box::new(grid::Facts::new(file, grid.info(), stats, plan))))
-        }
-        Surface::Mesh(mesh) => {
-            let bounds = input::mesh_bounds(mesh.as_ref(), progress, cancel)?;
-            let mesh = (file.as_str(), mesh.as_ref(), bounds);
-            let quality = args.quality.measure(mesh, &args.grid, &resources, (progress, cancel))?;
-            Ok(Facts::Mesh(Box::new(mesh::Facts::new(mesh, quality))))
-        }
-    }
-}
-
-fn describe_cloud(
-    files: &[String],
-    args: &Args,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Facts> {
-    files.iter().try_for_each(|file| args.grid.refuse_cloud(file))?;
-    let (resources, told) = (args.machine.resources(), told(files));
-    let at = (files, told.as_str());
-    let options = args.many.reading(args.cloud.open_options(&args.grid, &resources)?);
-    // What is said of the points that were chosen only their counts tell.
-    let asked = (args.stats || options.filter != Filter::default(), &args.picture);
-    let facts = cloud::describe(at, options, asked, &resources, (progress, cancel))?;
-    Ok(Facts::Cloud(Box::new(facts)))
+    Grid(Box<GridInfoReport>),
+    Mesh(Box<MeshInfoReport>),
+    Cloud(Box<CloudInfoReport>),
+    Features(Box<FeaturesInfoReport>),
 }
 
 impl Facts {
     fn text(&self, file: &str) -> String {
         let rows = match self {
-            Facts::Grid(grid) => grid.rows(),
-            Facts::Mesh(mesh) => mesh.rows(),
-            Facts::Cloud(cloud) => cloud.rows(),
-            Facts::Features(features) => features.rows(),
+            Facts::Grid(grid) => grid::rows(grid),
+            Facts::Mesh(mesh) => mesh::rows(mesh),
+            Facts::Cloud(cloud) => cloud::rows(cloud),
+            Facts::Features(features) => features::rows(features),
         };
         format!("{file}\n{}", text::table(&rows))
+    }
+}
+
+/// What is known of files, with those that were left out.
+type Known<R = Facts> = (R, Vec<Skipped>);
+
+impl Args {
+    fn describe(
+        &self,
+        files: &[String],
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Known> {
+        let at = (progress, cancel);
+        if files.iter().any(|file| many::are_features(file)) {
+            let (facts, skipped) = self.features(files, at)?;
+            return Ok((Facts::Features(Box::new(facts)), skipped));
+        }
+        let are_clouds = files.iter().map(|file| self.many.is_cloud(file));
+        if are_clouds.collect::<Result<Vec<_>>>()?.contains(&true) {
+            let options: CloudInfoOptions = self.of(files)?;
+            if let Some(picture) = &options.picture {
+                check::new_file(picture, options.replacing.overwrite)?;
+            }
+            let (facts, skipped) = self.inspect::<_, CloudInput>(options, files, at)?;
+            return Ok((Facts::Cloud(Box::new(facts)), skipped));
+        }
+        let as_grid = match self.surface(files, at) {
+            Err(error) if error.kind() == ErrorKind::BadInput => error,
+            other => return other,
+        };
+        // A table of positions may be features.
+        match self.features(files, at) {
+            Ok((mut facts, skipped)) if facts.is_more_than_positions() => {
+                facts.notes.push(format!("taken for features, because as a grid: {as_grid}"));
+                Ok((Facts::Features(Box::new(facts)), skipped))
+            }
+            _ => Err(as_grid),
+        }
+    }
+
+    fn features(
+        &self,
+        files: &[String],
+        at: (&dyn Progress, &Cancel),
+    ) -> Result<Known<FeaturesInfoReport>> {
+        self.inspect::<FeaturesInfoOptions, FeatureInput>(self.of(files)?, files, at)
+    }
+
+    /// What is known of grids or a mesh.
+    fn surface(&self, files: &[String], at: (&dyn Progress, &Cancel)) -> Result<Known> {
+        if let [one] = files
+            && !self.many.skip_bad
+        {
+            check::input(one)?;
+        }
+        match files {
+            [one] if is_mesh(one)? => {
+                let options: MeshInfoOptions = self.of(files)?;
+                if let Some(grid) = &options.against {
+                    check::input(grid)?;
+                    GridInput::check(grid, &self.many, self.options.given())?;
+                }
+                let (facts, skipped) = (options.inspect(&one.clone().into(), at.0, at.1)?, vec![]);
+                Ok((Facts::Mesh(Box::new(facts)), skipped))
+            }
+            _ => {
+                let options: GridInfoOptions = self.of(files)?;
+                let (facts, skipped) = self.inspect::<_, GridInput>(options, files, at)?;
+                Ok((Facts::Grid(Box::new(facts)), skipped))
+            }
+        }
+    }
+
+    /// The options for files of one kind.
+    fn of<O: Inspection>(&self, files: &[String]) -> Result<O> {
+        let options = self.options.of(&told(files))?;
+        check_given(&options, self.options.given()).map(|()| options)
+    }
+
+    /// What is known of the files that are taken.
+    fn inspect<O: Inspection + Has<I>, I: Source>(
+        &self,
+        mut options: O,
+        files: &[String],
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<Known<O::Report>> {
+        let given = self.options.given();
+        let Sifted { names, skipped } =
+            take::<O, I>((&mut options, given), files.to_vec(), &self.many)?;
+        Ok((options.inspect(&names.into(), progress, cancel)?, skipped))
     }
 }

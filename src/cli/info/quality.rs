@@ -1,80 +1,9 @@
-//! `terrane info --quality`: what a mesh is worth as a triangulation.
+//! `terrane info --quality`: what a mesh is worth as a triangulation, for people.
 
-use std::path::Path;
-
-use clap::Args;
-
-use crate::cli::info::mesh::Opened;
-use crate::cli::shared::{args, names, text};
-use crate::error::{Error, Result};
-use crate::files::path_of;
-use crate::jobs::input::is_mesh;
+use crate::cli::shared::text;
 use crate::jobs::verify::{
-    self, Against, AngleReport, AspectReport, DegreeReport, Measured, Place, QualityReport,
-    SlopeReport,
+    AngleReport, AspectReport, DegreeReport, Place, QualityReport, SlopeReport,
 };
-use crate::jobs::{Cancel, Progress, Resources};
-use crate::raster::{self, GridSource, Inputs};
-
-/// What of meshes is measured.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct Asked {
-    /// Read all triangles of a mesh: angles, aspect ratios, degrees, lengths of edges, share of edges that
-    /// are locally Delaunay in x and y. Out of core, within --memory
-    #[arg(long)]
-    pub(crate) quality: bool,
-    /// With --quality: how far triangles are from the slopes of this grid, read with --band and --nodata; a
-    /// synthetic terrain by name, a folder, a list or a pattern in quotes will do
-    #[arg(long = "grid", value_name = "DEM", requires = "quality", value_parser = names::any())]
-    against: Option<String>,
-}
-
-impl Asked {
-    /// Fails when the quality was asked for, because `files` are `what`.
-    pub(crate) fn refuse(&self, files: &[String], what: &str) -> Result<()> {
-        if !self.quality {
-            return Ok(());
-        }
-        Err(Error::usage(format!("--quality is for meshes, and this is {what}"))
-            .in_file(Path::new(&Inputs::from(files.to_vec()).to_string()))
-            .remedy("leave --quality out"))
-    }
-
-    /// Fails when options for the reading of grids were given, and there is none.
-    pub(crate) fn check(&self, grid: &args::Grid, files: &[String]) -> Result<()> {
-        match &self.against {
-            Some(against) => grid.check(against),
-            None => grid.check_all(files),
-        }
-    }
-
-    /// The quality of a mesh, where it was asked for.
-    pub(crate) fn measure(
-        &self,
-        (file, mesh, bounds): Opened<'_>,
-        grid: &args::Grid,
-        resources: &Resources,
-        (progress, cancel): (&dyn Progress, &Cancel),
-    ) -> Result<Option<QualityReport>> {
-        if !self.quality {
-            return Ok(None);
-        }
-        let measured = Measured { file: &path_of(file), mesh, bounds };
-        let quality = |against| verify::quality(measured, against, resources, progress, cancel);
-        let Some(name) = &self.against else { return quality(None).map(Some) };
-        let opened = open(name, grid, resources)?;
-        quality(Some(Against { name: &path_of(name), grid: &*opened })).map(Some)
-    }
-}
-
-fn open(name: &str, grid: &args::Grid, resources: &Resources) -> Result<Box<dyn GridSource>> {
-    if is_mesh(name)? {
-        return Err(Error::bad_input("is a mesh, not a grid")
-            .in_file(&path_of(name))
-            .remedy("name the grid that the mesh was made from"));
-    }
-    raster::open_all(&[name.to_owned()], &grid.clipped(resources)?)
-}
 
 /// What was measured, for people.
 pub(crate) fn rows(quality: &QualityReport) -> Vec<(String, String)> {

@@ -111,18 +111,6 @@ pub(crate) fn report(
     new_file(report, overwrite)
 }
 
-/// Fails when `path` does not end in one of `endings`.
-pub(crate) fn ending(path: &Path, endings: &[&str], what: &str) -> Result<()> {
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if endings.contains(&ending.as_str()) {
-        return Ok(());
-    }
-    let known: Vec<String> = endings.iter().map(|e| format!(".{e}")).collect();
-    Err(Error::usage(format!("{what} cannot have this ending"))
-        .in_file(path)
-        .remedy(format!("end the name in {}", known.join(" or "))))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -146,7 +134,5 @@ mod tests {
         assert!(new_file(folder.path(), true).is_err());
         let lost = folder.path().join("no/such/b.ply");
         assert_eq!(new_file(&lost, false).unwrap_err().kind(), ErrorKind::CannotWrite);
-        assert!(ending(&file, &["tif", "tiff"], "a grid store").is_ok());
-        assert!(ending(&lost, &["tif", "tiff"], "a grid store").is_err());
     }
 }

@@ -168,23 +168,8 @@ impl Many {
         Ok(sifted)
     }
 
-    /// How clouds are read whose bad files are sifted out: what is damaged inside of others goes, too.
-    pub(crate) fn reading(&self, options: cloud::OpenOptions) -> cloud::OpenOptions {
-        cloud::OpenOptions { salvage: options.salvage || self.skip_bad, ..options }
-    }
-
     fn sifts(&self, names: &[String]) -> bool {
         self.skip_bad && names.len() > 1
-    }
-
-    /// The files that are taken of `inputs`, without bad ones if these are to be skipped.
-    pub(crate) fn take(
-        &self,
-        inputs: &[String],
-        kind: Kind<'_>,
-        resources: &Resources,
-    ) -> Result<Sifted> {
-        self.sift(self.find(inputs, kind)?, kind, resources)
     }
 
     /// An error with the advice to skip bad files, where that was not asked for and would help.

@@ -6,7 +6,6 @@ pub(crate) mod lists;
 pub(crate) mod many;
 pub(crate) mod names;
 mod outcome;
-pub(crate) mod parse;
 pub(crate) mod pipes;
 pub(crate) mod points;
 mod progress;

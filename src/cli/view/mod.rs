@@ -1,19 +1,26 @@
 //! `terrane view`: a picture of a grid or a mesh, or a page to look at these, at lines and at clouds in.
 
-mod page;
 mod serve;
+mod told;
 
-use std::path::PathBuf;
+pub(super) use told::{page_summary, summary};
 
+use std::path::{Path, PathBuf};
+
+use crate::cli::operation::{self, Frame, Source};
 use crate::cli::shared::many::Many;
+use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, points, report, text};
-use crate::cloud::OpenOptions;
+use crate::cli::shared::{Outcome, args, lists, many, names};
 use crate::error::{Error, Result};
 use crate::files::path_of;
-use crate::jobs::sift::Sifted;
-use crate::jobs::view::{self, ViewJob, ViewReport};
-use crate::jobs::{Cancel, Resources};
+use crate::jobs::Resources;
+use crate::jobs::operation::{Has, Operation};
+use crate::jobs::options::Replacing;
+use crate::jobs::page::{
+    CloudPageOptions, LinePageOptions, PageOptions, PageReport, TilesPageOptions, is_tiles,
+};
+use crate::jobs::view::PictureOptions;
 
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
 /// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it
@@ -44,57 +51,27 @@ pub(super) struct Args {
     /// Port to serve on [default: a free one]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     port: Option<u16>,
-    /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
-    #[arg(long, value_name = "GRID", conflicts_with = "output", value_parser = names::any())]
-    against: Option<String>,
-    /// Page that inserts the samples of a small grid one by one, for teaching: how a mesh of it grows, and
-    /// how its error falls; of a large grid every n-th sample, at most 129 along a side
-    #[arg(long, conflicts_with_all = ["output", "against", "edges"])]
-    insertion: bool,
-    /// Most points of a cloud that a page shows: of more, some that are chosen evenly [default: 2000000]
-    #[arg(
-        long,
-        value_name = "N",
-        conflicts_with = "output",
-        value_parser = clap::value_parser!(u64).range(1..=page::MOST_POINTS)
-    )]
-    points: Option<u64>,
-    /// The object of a TopoJSON file that a page shows [default: the first one]
-    #[arg(long, value_name = "NAME", conflicts_with = "output")]
-    layer: Option<String>,
-    /// Replace a picture or page that exists
-    #[arg(long)]
-    overwrite: bool,
-    /// Columns of the picture; rows follow from the aspect on the ground
-    #[arg(long, value_name = "PX", default_value_t = 1600, conflicts_with_all = ["html", "serve"])]
-    width: u32,
-    /// Draw the edges of a mesh's triangles; on a page, from the start
-    #[arg(long)]
-    edges: bool,
-    /// Where the light comes from, in degrees clockwise from north [default: 315]
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = parse::finite)]
-    azimuth: Option<f64>,
-    /// Height of the light above the horizon, in degrees from 1 to 90 [default: 45]
-    #[arg(long, value_name = "DEG", value_parser = parse::altitude)]
-    altitude: Option<f64>,
-    /// Factor on heights before they are lit [default: one that suits the terrain]
-    #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
-    exaggeration: Option<f64>,
     #[command(flatten)]
-    pub(super) many: many::Many,
+    options: Union<Views>,
     #[command(flatten)]
-    grid: args::Grid,
-    #[command(flatten)]
-    cloud: points::Points,
-    #[command(flatten)]
-    machine: args::SpillingMachine,
+    many: many::Many,
     #[command(flatten)]
     show: args::Show,
 }
 
-/// Where the light comes from unless told otherwise, in degrees.
-const AZIMUTH: f64 = 315.0;
-const ALTITUDE: f64 = 45.0;
+/// What is shown.
+#[derive(Clone, Debug)]
+struct Views;
+
+impl Kinds for Views {
+    const ALL: &'static [Kind] = &[
+        Kind::of::<PictureOptions>("pictures"),
+        Kind::of::<PageOptions>("pages of grids and meshes"),
+        Kind::of::<CloudPageOptions>("pages of point clouds"),
+        Kind::of::<LinePageOptions>("pages of lines"),
+        Kind::of::<TilesPageOptions>("pages of tiles"),
+    ];
+}
 
 impl Verb for Args {
     const NAME: &'static str = "view";
@@ -108,101 +85,76 @@ impl Verb for Args {
     }
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        run(self, call.cancel)
-    }
-}
-
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let resources = args.machine.resources();
-    // What --serve excludes would lift a requirement of the parser's.
-    if args.port.is_some() && !args.serve {
-        return Err(Error::usage("--port is for pages that are served")
-            .remedy("pass --serve, or leave --port out"));
-    }
-    let is_page = args.html.is_some() || args.serve;
-    let (Sifted { names, skipped }, cloud) = inputs(args, is_page, &resources)?;
-    let args = &Args { input: names, ..args.clone() };
-    args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
-    if args.serve {
-        return serve::run(args, page::show(args, cloud)?, &skipped, resources, cancel);
-    }
-    if let Some(html) = &args.html {
-        let show = page::show(args, cloud)?;
-        check::ending(html, &["html", "htm"], "a page")?;
-        check::new_file(html, args.overwrite)?;
-        let report = page::make(args, show, html, resources, cancel)?;
-        let told = report::WithSkipped { report: &report, skipped: &skipped };
-        args.show.tell(&told, || page::summary(&report))?;
-        return Ok(Outcome::Kept);
-    }
-    let report = picture(args, resources, cancel)?;
-    let told = report::WithSkipped { report: &report, skipped: &skipped };
-    args.show.tell(&told, || summary(&report))?;
-    Ok(Outcome::Kept)
-}
-
-/// The files that are taken; and how they are read, where they are clouds.
-fn inputs(
-    args: &Args,
-    is_page: bool,
-    resources: &Resources,
-) -> Result<(Sifted, Option<OpenOptions>)> {
-    if serve::are_tiles(&args.input) || is_page && page::are_lines(&args.input) {
-        return Ok((Sifted { names: args.input.clone(), skipped: Vec::new() }, None));
-    }
-    if !args.many.are_clouds(&args.input)? {
-        let options = args.grid.open_options(resources);
-        return Ok((args.many.take(&args.input, many::Kind::Grids(&options), resources)?, None));
-    }
-    if !is_page {
-        return Err(Error::usage("there is a page of a point cloud, but no shaded relief")
-            .in_file(&path_of(&args.input[0]))
-            .remedy("pass --html, or draw it from above with `terrane info --stats --picture`"));
-    }
-    let options = args.cloud.open_options(&args.grid, resources)?;
-    let files = args.many.take(&args.input, many::Kind::Clouds(&options), resources)?;
-    Ok((files, Some(args.many.reading(options))))
-}
-
-fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewReport> {
-    if serve::are_tiles(&args.input) {
-        serve::check_tiles(args)?;
-    }
-    page::refuse_cloud(args)?;
-    args.grid.whole().check_all(&args.input)?;
-    let output = args.output.clone().unwrap_or_default();
-    check::ending(&output, &["png"], "a picture")?;
-    check::new_file(&output, args.overwrite)?;
-    view::check_width(args.width)?;
-    let job = ViewJob {
-        input: args.input.clone().into(),
-        reading: args.grid.whole().reading(None),
-        output,
-        overwrite: args.overwrite,
-        width: args.width,
-        edges: args.edges,
-        azimuth: args.azimuth.unwrap_or(AZIMUTH),
-        altitude: args.altitude.unwrap_or(ALTITUDE),
-        exaggeration: args.exaggeration,
-        bbox: args.grid.bounds,
-        resources,
-    };
-    view::run(&job, args.show.progress().as_ref(), cancel)
-}
-
-fn summary(r: &ViewReport) -> String {
-    let heights = match (r.lowest, r.highest) {
-        (Some(low), Some(high)) => {
-            format!("{} to {}", text::number(low.into()), text::number(high.into()))
+        // What --serve excludes would lift a requirement of the parser's.
+        if self.port.is_some() && !self.serve {
+            return Err(Error::usage("--port is for pages that are served")
+                .remedy("pass --serve, or leave --port out"));
         }
-        _ => "none: there is no surface in this picture".to_owned(),
-    };
-    let mut rows = vec![
-        ("picture", format!("{} x {} pixels, {}", r.width, r.height, text::bytes(r.output_bytes))),
-        ("bounds", r.bounds.map(text::number).join(", ")),
-        ("heights", heights),
-        ("exaggeration", text::number(r.exaggeration)),
-    ];
-    rows.extend(report::took(&r.run, None, ""));
-    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+        let input = &self.input;
+        if matches!(input.as_slice(), [one] if is_tiles(&path_of(one))) {
+            return self.tiles(call);
+        }
+        let is_page = self.html.is_some() || self.serve;
+        let are_lines = |name: &String| many::are_features(name) || many::are_made_lines(name);
+        if is_page && input.iter().any(are_lines) {
+            return self.page::<LinePageOptions>(call);
+        }
+        match (self.many.are_clouds(input)?, is_page) {
+            (true, true) => self.page::<CloudPageOptions>(call),
+            (true, false) => {
+                Err(Error::usage("there is a page of a point cloud, but no shaded relief")
+                    .in_file(&path_of(&input[0]))
+                    .remedy("pass --html, or draw it from above with `terrane info --picture`"))
+            }
+            (false, true) => self.page::<PageOptions>(call),
+            (false, false) => {
+                let options: PictureOptions = self.options.of(&input[0])?;
+                let output = self.output.clone().unwrap_or_default();
+                operation::run(options, self.frame(&output), call)
+            }
+        }
+    }
+}
+
+impl Args {
+    fn frame<'a>(&'a self, output: &'a Path) -> Frame<'a> {
+        let Self { input, many, show, .. } = self;
+        Frame { input, output, given: self.options.given(), report: None, many, show }
+    }
+
+    /// Makes a page, or serves it.
+    fn page<O>(&self, call: &Call<'_>) -> Result<Outcome>
+    where
+        O: Operation<Input: Source, Report = PageReport> + Has<Replacing>,
+    {
+        let mut options: O = self.options.of(&self.input[0])?;
+        if let Some(html) = &self.html {
+            return operation::run(options, self.frame(html), call);
+        }
+        let temp_dir = Has::<Resources>::part(&options).temp_dir.clone();
+        self.serve(temp_dir.as_deref(), None, call, |file| {
+            let made = operation::make(&mut options, &self.frame(file), call)?;
+            Ok((made.report, made.skipped))
+        })
+    }
+
+    /// Serves tiles, which a page by itself does not hold.
+    fn tiles(&self, call: &Call<'_>) -> Result<Outcome> {
+        let folder = path_of(&self.input[0]);
+        if !self.serve {
+            return Err(Error::usage("a folder of tiles is looked at as a server sends it")
+                .in_file(&folder)
+                .remedy("pass --serve, in place of -o or --html"));
+        }
+        let options: TilesPageOptions = self.options.of(&self.input[0])?;
+        if let Some(option) = self.many.given() {
+            return Err(Error::usage(format!("{option} is not for a page of tiles"))
+                .remedy(format!("leave {option} out")));
+        }
+        let temp_dir = options.resources.temp_dir.clone();
+        self.serve(temp_dir.as_deref(), Some(folder.to_path_buf()), call, |file| {
+            let made = options.run(&self.input.clone().into(), file, call.cancel)?;
+            Ok((made, Vec::new()))
+        })
+    }
 }

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 use serde::Serialize;
+use terrane_options::Choice;
 
 use crate::input::workers;
 use crate::memory::{PROGRAM, beside_program, short};
@@ -27,27 +28,19 @@ use terrane_render::MAX_PICTURE_SIDE;
 pub use voids::Voids;
 
 /// What a picture shows of each cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Choice)]
 #[serde(rename_all = "lowercase")]
 pub enum Shows {
-    /// Points to a unit of area.
+    /// Points to a unit of area
     #[default]
     Density,
-    /// Whether it has points.
+    /// Cells without points, within the convex hull of those with points
     Voids,
-    /// The height of its highest point.
+    /// The height of the highest point
     Height,
-    /// The class of its highest point.
+    /// The class of the highest point
     Class,
 }
-
-/// The names of what pictures show, and what that is.
-pub const SHOWN: [(&str, Shows, &str); 4] = [
-    ("density", Shows::Density, "points to a unit of area"),
-    ("voids", Shows::Voids, "cells without points, within the convex hull of those with points"),
-    ("height", Shows::Height, "the height of the highest point"),
-    ("class", Shows::Class, "the class of the highest point"),
-];
 
 /// A picture to draw.
 #[derive(Clone, Debug)]

@@ -14,8 +14,6 @@ use terrane_page::Page;
 use terrane_page::pack::{Axis, Packed};
 use terrane_render::class_colour;
 
-/// Points that a page shows unless told otherwise.
-pub const USUAL_POINTS: u64 = 2_000_000;
 /// Most points of a page.
 pub const MOST_POINTS: u64 = 1 << 24;
 
@@ -28,17 +26,13 @@ const ONE_BYTE: u16 = 255;
 
 pub(super) fn page(
     (open, most): (&OpenOptions, u64),
-    job: &PageJob,
+    job: &PageJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(Page, PageReport)> {
-    if !(1..=MOST_POINTS).contains(&most) {
-        return Err(Error::usage(format!("a page cannot hold {most} points"))
-            .remedy(format!("choose from 1 to {MOST_POINTS}")));
-    }
     let cloud = terrane_cloud::open(job.input.names(), open)?;
     let most = most.min(cloud.info().count);
-    let threads = with_polygons(open, &job.resources, |resources| threads(most, &resources))?;
+    let threads = with_polygons(open, job.resources, |resources| threads(most, &resources))?;
     let resources = Resources { threads, ..job.resources.clone() };
     let (points, tally) = workers(&resources)?.install(|| {
         let (mut points, tally) = few::choose(&cloud, most as usize, (progress, cancel))?;
@@ -68,13 +62,13 @@ fn threads(points: u64, resources: &Resources) -> Result<usize> {
 
 /// Puts the points into a page, an array at a time.
 fn put(
-    job: &PageJob,
+    job: &PageJob<'_>,
     cloud: &Cloud,
     points: Vec<Ranked>,
     tally: &Tally,
 ) -> Result<(Page, PageReport)> {
     let none = || Error::new(ErrorKind::Internal, "there is no page of clouds");
-    let mut page = Page::new("cloud", &facts::title(&job.input)).ok_or_else(none)?;
+    let mut page = Page::new("cloud", &facts::title(job.input)).ok_or_else(none)?;
     let mut report = PageReport {
         page: "cloud",
         points: Some(points.len() as u64),

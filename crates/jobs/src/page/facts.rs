@@ -89,7 +89,7 @@ fn short(unit: &str) -> String {
 /// Puts into a page what all surfaces have.
 pub(super) fn put(
     page: &mut Page,
-    job: &PageJob,
+    job: &PageJob<'_>,
     system: &System,
     bounds: [f64; 4],
     steps: [f64; 2],
@@ -99,10 +99,7 @@ pub(super) fn put(
     page.fact("units", json!(system.units));
     page.fact("ground", json!(system.ground(bounds)));
     page.fact("told_steps", json!(steps));
-    page.fact("azimuth", job.azimuth);
-    page.fact("altitude", job.altitude);
-    page.fact("exaggeration", job.exaggeration);
-    page.fact("edges", job.edges);
+    job.look.put(page);
     let [land, water] = terrane_render::palette();
     page.fact("palette", json!({ "land": land, "water": water }));
 }

@@ -22,17 +22,18 @@ const MOST_STEPS: f64 = 65_535.0;
 
 pub(super) fn page(
     grid: &dyn GridSource,
-    job: &PageJob,
+    bounds: Option<[f64; 4]>,
+    job: &PageJob<'_>,
     cancel: &Cancel,
 ) -> Result<(Page, PageReport)> {
     let info = grid.info();
-    let part = part(info, job.bbox)?;
+    let part = part(info, bounds)?;
     if part.width < 2 || part.height < 2 {
         return Err(Error::usage("a surface has at least two rows and columns of samples")
             .remedy("name a larger grid, or another part with ‹bounds›"));
     }
     let need = cache_beside(job.resources.memory) as u64 + 8 * u64::from(part.width) + (4 << 20);
-    within_memory(need, "a small grid", &job.resources)?;
+    within_memory(need, "a small grid", job.resources)?;
     let stride = (part.width.max(part.height) - 1).div_ceil(MOST_SIDE - 1);
     // Not the last ones, unless a stride ends there: all cells have one size.
     let along = |first: u32, count: u32| places(first, count - (count - 1) % stride, stride);
@@ -40,7 +41,7 @@ pub(super) fn page(
     let heights = read(grid, &cols, &rows, cancel)?;
     let axis = coarse(&heights);
     let none = || Error::new(ErrorKind::Internal, "there is no page of insertions");
-    let mut page = Page::new("insertion", &facts::title(&job.input)).ok_or_else(none)?;
+    let mut page = Page::new("insertion", &facts::title(job.input)).ok_or_else(none)?;
     page.fact("width", cols.len());
     page.fact("height", rows.len());
     page.axis("z", &axis);

@@ -15,20 +15,21 @@ use terrane_raster::{GridInfo, GridSource};
 
 pub(super) fn page(
     grid: &dyn GridSource,
-    job: &PageJob,
+    bounds: Option<[f64; 4]>,
+    job: &PageJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(Page, PageReport)> {
     let info = grid.info();
-    let part = part(info, job.bbox)?;
+    let part = part(info, bounds)?;
     let stride = stride(part, MOST_SAMPLES);
     let samples = [part.width, part.height].map(|side| u64::from(side.div_ceil(stride)) + 1);
     let shown = samples[0] * samples[1];
     let need = shown * (8 + VERTEX_BYTES + 2 * TRIANGLE_BYTES) + 8 * u64::from(info.width);
     let cache = cache_beside(job.resources.memory) as u64;
-    within_memory(need + cache, &format!("{shown} samples"), &job.resources)?;
+    within_memory(need + cache, &format!("{shown} samples"), job.resources)?;
     let shape = shape(grid, part, stride, progress, cancel)?;
-    let mut page = new_page(&facts::title(&job.input))?;
+    let mut page = new_page(&facts::title(job.input))?;
     let mut report = shape.put(&mut page)?;
     report.stride = Some(stride);
     let system = System::of_grid(info);

@@ -38,7 +38,7 @@ struct Lines {
 
 pub(super) fn page(
     layer: Option<&String>,
-    job: &PageJob,
+    job: &PageJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(Page, PageReport)> {
@@ -87,14 +87,14 @@ fn are_degrees(path: &Path, options: &OpenOptions, cancel: &Cancel) -> Result<bo
 }
 
 impl Lines {
-    fn push(&mut self, part: &Part<'_>, measure: Measure, job: &PageJob) -> Result<()> {
+    fn push(&mut self, part: &Part<'_>, measure: Measure, job: &PageJob<'_>) -> Result<()> {
         self.vertices += part.xy.len() as u64;
         if self.vertices > MOST_VERTICES {
             let message = format!("a page holds up to {MOST_VERTICES} vertices, and here are more");
             return Err(Error::new(ErrorKind::Limit, message)
                 .remedy("simplify the lines a little first with `terrane simplify`"));
         }
-        within_memory(self.vertices * VERTEX_BYTES, "so many vertices", &job.resources)?;
+        within_memory(self.vertices * VERTEX_BYTES, "so many vertices", job.resources)?;
         let of = thresholds(part, measure)?;
         let count = of[0].len();
         for (all, own) in self.thresholds.iter_mut().zip(&of) {
@@ -108,14 +108,14 @@ impl Lines {
         Ok(())
     }
 
-    fn page(self, job: &PageJob, crs: &Crs, measure: Measure) -> Result<(Page, PageReport)> {
+    fn page(self, job: &PageJob<'_>, crs: &Crs, measure: Measure) -> Result<(Page, PageReport)> {
         if self.parts.is_empty() {
             return Err(Error::bad_input("there is no line to show")
                 .in_file(&path_of(&job.input.to_string()))
                 .remedy("name a file of lines or polygons"));
         }
         let none = || Error::new(ErrorKind::Internal, "there is no page of lines");
-        let mut page = Page::new("lines", &facts::title(&job.input)).ok_or_else(none)?;
+        let mut page = Page::new("lines", &facts::title(job.input)).ok_or_else(none)?;
         let mut report = PageReport {
             page: "lines",
             vertices: Some(self.vertices),
@@ -173,8 +173,8 @@ impl Lines {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::page::Show;
-    use crate::page::tests::job;
+    use crate::page::tests::{job, within};
+    use terrane_raster::Inputs;
     use terrane_vector::Geometry;
 
     #[test]
@@ -183,7 +183,7 @@ mod tests {
         let part = line.parts().next().unwrap();
         let push = |vertices, memory| {
             let mut lines = Lines { vertices, ..Lines::default() };
-            lines.push(&part, Measure::Plane, &job(Show::Lines { layer: None }, memory))
+            lines.push(&part, Measure::Plane, &job(&Inputs::default(), &within(memory)))
         };
         assert!(push(0, 64 << 20).is_ok());
         assert_eq!(push(MOST_VERTICES - 2, 4 << 30).unwrap_err().kind(), ErrorKind::Limit);

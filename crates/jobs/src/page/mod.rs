@@ -12,25 +12,26 @@ mod few;
 mod insertion;
 mod lattice;
 mod lines;
+mod options;
 mod solid;
 mod surface;
 mod tiles;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
 
 use crate::figures::Figures;
-use crate::input::{self, Surface};
-use crate::memory::{beside_program, cache_beside, short};
-use crate::options::GridInput;
-use crate::{Cancel, Progress, Resources};
-pub use cloud::{MOST_POINTS, USUAL_POINTS};
+use crate::memory::{beside_program, short};
+use crate::view::Lighting;
+use crate::{Cancel, Resources};
+pub use cloud::MOST_POINTS;
 pub use insertion::MOST_SIDE;
+pub use options::{CloudPageOptions, LinePageOptions, PageOptions, TilesPageOptions};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_cloud::{Census, OpenOptions};
+use terrane_cloud::Census;
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_page::Page;
 use terrane_raster::Inputs;
@@ -43,57 +44,39 @@ pub const MOST_VERTICES: u64 = 4 << 20;
 /// Most samples that a page shows of a grid.
 pub const MOST_SAMPLES: u64 = 3 << 19;
 
-/// What is to be shown.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Show {
-    /// A mesh, with its errors against a grid if there is one; or a grid.
-    Surface {
-        /// The grid that errors are measured against.
-        against: Option<Inputs>,
-    },
-    /// Greedy insertion on a small grid, step by step.
-    Insertion,
-    /// Lines, with all of their simplifications.
-    Lines {
-        /// The object of a TopoJSON file; its first one when `None`.
-        layer: Option<String>,
-    },
-    /// Points of a cloud.
-    Cloud {
-        /// How it is read, and which points.
-        open: Box<OpenOptions>,
-        /// How many of them are shown, at most [`MOST_POINTS`].
-        points: u64,
-    },
-    /// Tiles of the globe's terrain, as a server of the folder sends them.
-    Tiles,
+/// What all pages have.
+#[derive(Clone, Debug)]
+pub(crate) struct PageJob<'a> {
+    /// Grid files, a mesh, lines, clouds or tiles, or synthetic ones by name.
+    pub(crate) input: &'a Inputs,
+    /// HTML file to write.
+    pub(crate) output: &'a Path,
+    /// Replace an existing page.
+    pub(crate) overwrite: bool,
+    /// How it looks at the start.
+    pub(crate) look: Look,
+    /// What the job may use.
+    pub(crate) resources: &'a Resources,
 }
 
-/// A page to make.
-#[derive(Clone, Debug)]
-pub struct PageJob {
-    /// Grid files, a mesh, lines or clouds, or synthetic ones by name.
-    pub input: Inputs,
-    /// What is read of a grid.
-    pub reading: GridInput,
-    /// What is shown of it.
-    pub show: Show,
-    /// HTML file to write.
-    pub output: PathBuf,
-    /// Replace an existing page.
-    pub overwrite: bool,
-    /// Edges of triangles are shown from the start.
-    pub edges: bool,
-    /// Where the light comes from at the start: degrees clockwise from north.
-    pub azimuth: f64,
-    /// Degrees of the light above the horizon.
-    pub altitude: f64,
-    /// Factor on heights at the start; the page chooses when `None`.
-    pub exaggeration: Option<f64>,
-    /// West, south, east, north of the part to show.
-    pub bbox: Option<[f64; 4]>,
-    /// What the job may use.
-    pub resources: Resources,
+/// How a page looks at the start.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Look {
+    pub(crate) lighting: Lighting,
+    /// Factor on heights; the page chooses when `None`.
+    pub(crate) exaggeration: Option<f64>,
+    /// Edges of triangles are shown.
+    pub(crate) edges: bool,
+}
+
+impl Look {
+    fn put(&self, page: &mut Page) {
+        let Lighting { azimuth, altitude } = self.lighting;
+        page.fact("azimuth", azimuth);
+        page.fact("altitude", altitude);
+        page.fact("exaggeration", self.exaggeration);
+        page.fact("edges", self.edges);
+    }
 }
 
 /// What is on a page.
@@ -142,70 +125,32 @@ pub struct PageReport {
     pub run: Figures,
 }
 
-/// Makes a page.
-///
-/// # Errors
-/// Usage for an option that does not go with the input; a surface beyond [`MOST_TRIANGLES`]; a cloud without points;
-/// too little memory; and what the readers find.
-pub fn run(job: &PageJob, progress: &dyn Progress, cancel: &Cancel) -> Result<PageReport> {
-    let started = Instant::now();
-    refuse_existing(&job.output, job.overwrite)?;
-    let made = match &job.show {
-        Show::Surface { against } => surface(job, against.as_ref(), progress, cancel),
-        Show::Insertion => insertion(job, cancel),
-        Show::Lines { layer } => lines::page(layer.as_ref(), job, progress, cancel),
-        Show::Cloud { open, points } => cloud::page((open, *points), job, progress, cancel),
-        Show::Tiles => tiles::page(job),
-    };
-    let (page, report) = made.map_err(|error| match error.kind() {
-        ErrorKind::BadInput | ErrorKind::Usage | ErrorKind::Unsupported => {
-            error.in_file(Path::new(&job.input.to_string()))
-        }
-        _ => error,
-    })?;
-    cancel.check()?;
-    let output_bytes = write(job, page)?;
-    let (input, output) = (job.input.to_string(), job.output.display().to_string());
-    Ok(PageReport {
-        input,
-        output,
-        output_bytes,
-        run: Figures::since(started, &job.resources),
-        ..report
-    })
-}
-
-fn surface(
-    job: &PageJob,
-    against: Option<&Inputs>,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<(Page, PageReport)> {
-    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
-    match (input::open(job.input.names(), &options)?, against) {
-        (Surface::Grid(_), Some(_)) => {
-            Err(Error::usage("‹against› is for a mesh, and this is a grid")
-                .remedy("leave ‹against› out, or make a mesh of the grid with `terrane tin`"))
-        }
-        (Surface::Grid(grid), None) => lattice::page(grid.as_ref(), job, progress, cancel),
-        (Surface::Mesh(mesh), _) => surface::page(mesh.as_ref(), against, job, progress, cancel),
+impl PageJob<'_> {
+    /// Writes a page once it is made.
+    ///
+    /// # Errors
+    /// Usage for an option that does not go with the input; what is beyond limits of pages; too little memory; and what the
+    /// readers find.
+    fn write(&self, make: impl FnOnce() -> Result<(Page, PageReport)>, cancel: &Cancel) -> Result<PageReport> {
+        let started = Instant::now();
+        refuse_existing(self.output, self.overwrite)?;
+        let (page, report) = make().map_err(|error| match error.kind() {
+            ErrorKind::BadInput | ErrorKind::Usage | ErrorKind::Unsupported => {
+                error.in_file(Path::new(&self.input.to_string()))
+            }
+            _ => error,
+        })?;
+        cancel.check()?;
+        let mut file = AtomicFile::create(self.output, self.overwrite)?;
+        file.write_all(page.html().as_bytes()).map_err(|e| Error::write(self.output, e))?;
+        Ok(PageReport {
+            input: self.input.to_string(),
+            output: self.output.display().to_string(),
+            output_bytes: file.commit()?,
+            run: Figures::since(started, self.resources),
+            ..report
+        })
     }
-}
-
-fn insertion(job: &PageJob, cancel: &Cancel) -> Result<(Page, PageReport)> {
-    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
-    match input::open(job.input.names(), &options)? {
-        Surface::Grid(grid) => insertion::page(grid.as_ref(), job, cancel),
-        Surface::Mesh(_) => Err(Error::usage("samples of a grid are inserted, and this is a mesh")
-            .remedy("name the grid that it was made from")),
-    }
-}
-
-fn write(job: &PageJob, page: Page) -> Result<u64> {
-    let html = page.html();
-    let mut file = AtomicFile::create(&job.output, job.overwrite)?;
-    file.write_all(html.as_bytes()).map_err(|e| Error::write(&job.output, e))?;
-    file.commit()
 }
 
 /// Fails when a page of what takes `need` bytes does not fit.
@@ -221,38 +166,32 @@ fn within_memory(need: u64, what: &str, resources: &Resources) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Silent;
+    use crate::operation::Job;
 
     /// A page of nothing in particular.
-    pub(super) fn job(show: Show, memory: u64) -> PageJob {
-        PageJob {
-            input: "synth:rough,size=65".into(),
-            reading: GridInput::default(),
-            show,
-            output: "page.html".into(),
-            overwrite: false,
-            edges: false,
-            azimuth: 315.0,
-            altitude: 45.0,
-            exaggeration: None,
-            bbox: None,
-            resources: Resources { memory, ..Resources::default() },
-        }
+    pub(super) fn job<'a>(input: &'a Inputs, resources: &'a Resources) -> PageJob<'a> {
+        let (output, look) = (Path::new("page.html"), Look::default());
+        PageJob { input, output, overwrite: false, look, resources }
+    }
+
+    /// What a job may take that takes so much memory.
+    pub(super) fn within(memory: u64) -> Resources {
+        Resources { memory, ..Resources::default() }
     }
 
     #[test]
     fn what_does_not_go_together_is_refused_and_nothing_is_written() {
         let folder = tempfile::tempdir().unwrap();
-        let run = |show: Show, memory: u64| {
-            let job = PageJob { output: folder.path().join("a.html"), ..job(show, memory) };
-            run(&job, &Silent, &Cancel::default())
+        let terrain = "synth:rough,size=65";
+        let run = |against: Option<&str>, memory: u64| {
+            let (against, resources) = (against.map(str::to_owned), within(memory));
+            let options = PageOptions { against, resources, ..PageOptions::default() };
+            Job::new(Inputs::from(terrain), options).write(folder.path().join("a.html"))
         };
-        let against = Show::Surface { against: Some("synth:rough,size=65".into()) };
-        assert_eq!(run(against, 1 << 30).unwrap_err().kind(), ErrorKind::Usage);
-        let grid = || Show::Surface { against: None };
-        assert_eq!(run(grid(), 1 << 20).unwrap_err().kind(), ErrorKind::Resource);
+        assert_eq!(run(Some(terrain), 1 << 30).unwrap_err().kind(), ErrorKind::Usage);
+        assert_eq!(run(None, 1 << 20).unwrap_err().kind(), ErrorKind::Resource);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-        let report = run(grid(), 1 << 30).unwrap();
+        let report = run(None, 1 << 30).unwrap();
         assert_eq!((report.vertices, report.triangles), (Some(65 * 65), Some(2 * 64 * 64)));
         let written = std::fs::metadata(folder.path().join("a.html")).unwrap().len();
         assert_eq!(written, report.output_bytes);

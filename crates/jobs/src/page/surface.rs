@@ -14,30 +14,37 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_page::Page;
 use terrane_page::pack::Packed;
-use terrane_raster::{self as raster, Inputs};
+use terrane_raster::{self as raster, Inputs, OpenOptions};
 
 /// Vertices or triangles read at once.
 const BATCH: u64 = 1 << 16;
 
+/// A grid that errors are measured against, and how it is opened.
+pub(super) struct Against {
+    pub(super) name: Inputs,
+    pub(super) opening: OpenOptions,
+}
+
 pub(super) fn page(
     mesh: &dyn MeshSource,
-    against: Option<&Inputs>,
-    job: &PageJob,
-    progress: &dyn Progress,
-    cancel: &Cancel,
+    against: Option<&Against>,
+    bounds: Option<[f64; 4]>,
+    job: &PageJob<'_>,
+    (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<(Page, PageReport)> {
     check_size(mesh.info(), job)?;
     let mut shape = read(mesh, progress, cancel)?;
-    if let Some(bbox) = job.bbox {
-        shape.crop(bbox);
+    if let Some(bounds) = bounds {
+        shape.crop(bounds);
     }
-    let mut page = new_page(&facts::title(&job.input))?;
+    let mut page = new_page(&facts::title(job.input))?;
     let system = System::of_mesh(mesh.info());
     let mut figures = vec![];
     let mut measured = None;
     if let Some(against) = against {
-        let found = measure(&shape, against, job, progress, cancel)?;
-        figures.push(("Errors against", json!(facts::title(against))));
+        let grid = raster::open_all(against.name.names(), &against.opening)?;
+        let found = errors::measure(&shape, grid.as_ref(), progress, cancel)?;
+        figures.push(("Errors against", json!(facts::title(&against.name))));
         figures.push(("Largest error", json!(told(found.largest, &system))));
         figures.push(("Error RMS", json!(told(found.root_mean_square, &system))));
         figures.push(("Samples compared", json!(found.samples)));
@@ -62,7 +69,7 @@ pub(super) fn new_page(title: &str) -> Result<Page> {
     Page::new("surface", title).ok_or_else(none)
 }
 
-fn check_size(info: &MeshInfo, job: &PageJob) -> Result<()> {
+fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {
     let vertices = if info.indexed { info.vertices } else { info.triangles.saturating_mul(3) };
     if info.triangles > MOST_TRIANGLES || vertices > 3 * MOST_TRIANGLES {
         let message = format!(
@@ -77,7 +84,7 @@ fn check_size(info: &MeshInfo, job: &PageJob) -> Result<()> {
     let need = info.triangles * TRIANGLE_BYTES
         + vertices * vertex
         + cache_beside(job.resources.memory) as u64;
-    within_memory(need, &format!("{} triangles", info.triangles), &job.resources)
+    within_memory(need, &format!("{} triangles", info.triangles), job.resources)
 }
 
 /// Reads all of a mesh.
@@ -136,18 +143,6 @@ fn weld(shape: &mut Shape) {
     shape.drop_unused();
 }
 
-fn measure(
-    shape: &Shape,
-    against: &Inputs,
-    job: &PageJob,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<errors::Errors> {
-    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
-    let grid = raster::open_all(against.names(), &options)?;
-    errors::measure(shape, grid.as_ref(), progress, cancel)
-}
-
 /// An error with its unit, to six digits.
 fn told(error: f64, system: &System) -> String {
     let digits = (5 - error.max(1e-9).log10().floor() as i32).clamp(0, 12) as usize;
@@ -193,12 +188,12 @@ fn notes(report: &PageReport) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::page::Show;
-    use crate::page::tests::job;
+    use crate::page::tests::{job, within};
 
     #[test]
     fn meshes_beyond_the_limit_and_the_memory_are_refused_by_name() {
-        let job = job(Show::Surface { against: None }, 1 << 30);
+        let (input, resources) = (Inputs::default(), within(1 << 30));
+        let job = job(&input, &resources);
         let check =
             |vertices, triangles| check_size(&MeshInfo::plain("PLY", vertices, triangles), &job);
         assert!(check(1_000_000, 2_000_000).is_ok());

@@ -96,7 +96,7 @@ pub fn is_tiles(path: &Path) -> bool {
     has(path) || SETS.iter().any(|set| has(&path.join(set)))
 }
 
-pub(super) fn page(job: &PageJob) -> Result<(Page, PageReport)> {
+pub(super) fn page(job: &PageJob<'_>) -> Result<(Page, PageReport)> {
     let input = job.input.to_string();
     let folder = path_of(&input);
     let set = Set::read(&folder)?;
@@ -106,10 +106,7 @@ pub(super) fn page(job: &PageJob) -> Result<(Page, PageReport)> {
     page.fact("format", set.format);
     page.fact("told", set.told);
     page.fact("palette", json!({ "land": land, "water": water }));
-    page.fact("azimuth", job.azimuth);
-    page.fact("altitude", job.altitude);
-    page.fact("exaggeration", job.exaggeration);
-    page.fact("edges", job.edges);
+    job.look.put(&mut page);
     let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));
     Ok((
         page,
@@ -206,8 +203,9 @@ fn name(folder: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Show, tests::job};
     use super::*;
+    use crate::page::tests::{job, within};
+    use terrane_raster::Inputs;
 
     const LAYER_TEXT: &str = r#"{"format":"quantized-mesh-1.0","tiles":["{z}/{x}/{y}.terrain?v=1"],
         "bounds":[7,46,8,47],"available":[[{"startX":0,"startY":0,"endX":1,"endY":0}],
@@ -217,8 +215,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join(LAYER), layer).unwrap();
         assert!(is_tiles(folder.path()));
-        let input = folder.path().display().to_string();
-        let (made, report) = page(&PageJob { input: input.into(), ..job(Show::Tiles, 1 << 30) })?;
+        let input = Inputs::from(folder.path().display().to_string());
+        let (made, report) = page(&job(&input, &within(1 << 30)))?;
         let html = made.html();
         assert!(
             html.contains("connect-src 'self'")
@@ -255,10 +253,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert!(!is_tiles(folder.path()));
         let page = || {
-            let input = folder.path().display().to_string();
-            page(&PageJob { input: input.into(), ..job(Show::Tiles, 1 << 30) })
-                .unwrap_err()
-                .to_string()
+            let input = Inputs::from(folder.path().display().to_string());
+            page(&job(&input, &within(1 << 30))).unwrap_err().to_string()
         };
         let set = folder.path().join(SETS[0]);
         std::fs::create_dir(&set).unwrap();

@@ -22,8 +22,8 @@ pub(super) fn draw(
     let frame = frame(job, outer_bounds(info), info.crs.geographic == Some(true))?;
     let fine = frame.finer(FINENESS);
     let plan = Plan::new(info, &frame);
-    let coarse = plan.read(grid, &job.resources, progress, cancel)?;
-    let field = workers(&job.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
+    let coarse = plan.read(grid, &job.options.resources, progress, cancel)?;
+    let field = workers(&job.options.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
     Ok(Drawn { frame, field, edges: None, colours: None })
 }
 

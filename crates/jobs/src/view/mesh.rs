@@ -30,9 +30,9 @@ pub(super) fn draw(
     let frame = frame(job, [low[0], low[1], high[0], high[1]], geographic)?;
     let channels = colour_channels(mesh.info());
     if channels > 0 {
-        within_memory(&frame, PIXEL_BYTES + COLOUR_BYTES, &job.resources)?;
+        within_memory(&frame, PIXEL_BYTES + COLOUR_BYTES, &job.options.resources)?;
     }
-    let mut canvas = Canvas::new(frame, job.edges, channels > 0);
+    let mut canvas = Canvas::new(frame, job.options.edges, channels > 0);
     let triangles = mesh.info().triangles;
     let mut gather = Gather::new(vertex_count(mesh), channels);
     let mut batch = vec![[0u64; 3]; triangles.min(TRIANGLE_BATCH) as usize];

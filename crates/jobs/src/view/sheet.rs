@@ -43,14 +43,14 @@ const INK: [u8; 4] = [26, 33, 51, 255];
 /// # Errors
 /// Those of [`run`](super::run); usage for an input that is no mesh.
 pub fn run_sheet(job: &SheetJob, progress: &dyn Progress, cancel: &Cancel) -> Result<[usize; 2]> {
-    refuse_existing(&job.each.output, job.each.overwrite)?;
+    refuse_existing(&job.each.output, job.each.options.replacing.overwrite)?;
     let mut each = job.each.clone();
     let mut sheet = None;
     for (place, panel) in job.panels.iter().enumerate() {
         each.input = panel.mesh.clone().into();
         let drawn = drawn(&each, progress, cancel)?;
         let style = style(&each, &drawn);
-        each.exaggeration = Some(style.exaggeration);
+        each.options.heights.exaggeration = Some(style.exaggeration);
         let painter = drawn.painter(style);
         if sheet.is_none() {
             sheet = Some(Sheet::new(job, [painter.width(), painter.height()])?);
@@ -58,9 +58,9 @@ pub fn run_sheet(job: &SheetJob, progress: &dyn Progress, cancel: &Cancel) -> Re
         sheet.iter_mut().for_each(|sheet| sheet.put(place, &painter, &panel.lines));
     }
     let sheet = sheet.ok_or_else(|| Error::usage("no mesh to draw").remedy("name one"))?;
-    let mut file = AtomicFile::create(&each.output, each.overwrite)?;
+    let mut file = AtomicFile::create(&each.output, each.options.replacing.overwrite)?;
     let fill = |row, line: &mut [u8]| line.copy_from_slice(sheet.row(row));
-    write_png(&mut file, sheet.size, fill, &each.resources, progress, cancel)?;
+    write_png(&mut file, sheet.size, fill, &each.options.resources, progress, cancel)?;
     file.commit()?;
     Ok(sheet.size)
 }
@@ -93,7 +93,7 @@ impl Sheet {
         let rows = job.panels.len().div_ceil(columns);
         let size = [columns * cell[0] + GAP, rows * cell[1] + GAP];
         let need = (size[0] * size[1] * 4) as u64 + (panel[0] * panel[1]) as u64 * PIXEL_BYTES;
-        if need > job.each.resources.memory {
+        if need > job.each.options.resources.memory {
             let mib = need.div_ceil(1 << 20);
             let message = format!("the picture of all meshes needs {mib} MiB of memory");
             return Err(short(message, need));
@@ -142,7 +142,7 @@ impl Sheet {
 mod tests {
     use super::*;
     use crate::Silent;
-    use crate::options::GridInput;
+    use crate::view::PictureOptions;
     use terrane_base::error::ErrorKind;
 
     /// Two triangles that make a square, `high` at a corner.
@@ -161,16 +161,8 @@ mod tests {
         };
         let each = ViewJob {
             input: "".into(),
-            reading: GridInput::default(),
             output: folder.join("all.png"),
-            overwrite: false,
-            width: 60,
-            edges: true,
-            azimuth: 315.0,
-            altitude: 45.0,
-            exaggeration: None,
-            bbox: None,
-            resources: crate::Resources::default(),
+            options: PictureOptions { width: 60, edges: true, ..PictureOptions::default() },
         };
         SheetJob { panels: (0..count).map(mesh).collect(), columns: 2, each }
     }
@@ -202,7 +194,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut refused = job(folder.path(), 1);
         let kind = |job: &SheetJob| run_sheet(job, &Silent, &Cancel::default()).unwrap_err().kind();
-        refused.each.resources.memory = PIXEL_BYTES * 60 * 60;
+        refused.each.options.resources.memory = PIXEL_BYTES * 60 * 60;
         assert_eq!(kind(&refused), ErrorKind::Resource);
         refused.panels[0].mesh = "synth:rough,size=9".to_owned();
         assert_eq!(kind(&refused), ErrorKind::Usage);

@@ -1,0 +1,75 @@
+//! Meshes in files.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value as Json};
+use terrane_base::Result;
+use terrane_jobs::info::MeshInfoOptions;
+use terrane_jobs::operation::Job;
+use terrane_jobs::page::PageOptions;
+use terrane_jobs::view::PictureOptions;
+use terrane_mesh as mesh;
+use terrane_raster::Inputs;
+
+use super::Data;
+
+/// A triangle mesh in a file, or in a folder of its pieces. Nothing of it is held.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    path: PathBuf,
+}
+
+/// Opens a mesh: PLY, OBJ, STL, glTF (GLB) or a folder of its pieces, by terrane or others. A mesh in memory is a
+/// [`Tin`](crate::Tin).
+///
+/// # Errors
+/// A file that is missing, damaged at its beginning, or of no known format.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let [path, picture, page] = ["mesh.ply", "mesh.png", "mesh.html"].map(|name| folder.path().join(name));
+/// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+/// let made = dem.tin().max_error(5.0).write(&path)?;
+/// let mesh = terrane::open_mesh(&path)?;
+/// let known = mesh.inspect().quality(true).run()?;
+/// assert_eq!(known.triangles, made.triangles);
+/// assert!(known.quality.unwrap().delaunay_share.unwrap() > 0.99);
+/// mesh.picture().width(200).edges(true).write(&picture)?;
+/// let page = mesh.page().against("synth:rough,size=129,seed=7").write(&page)?;
+/// assert!(page.max_error.unwrap() <= 5.0);
+/// # Ok(())
+/// # }
+/// ```
+pub fn open_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
+    let path = path.as_ref().to_path_buf();
+    mesh::open(&path)?;
+    Ok(Mesh { path })
+}
+
+impl Mesh {
+    /// What it is.
+    pub fn inspect(&self) -> Job<'_, MeshInfoOptions> {
+        Job::new(self.inputs(), MeshInfoOptions::default())
+    }
+
+    /// A picture of it from above: shaded relief, or the colours of its vertices.
+    pub fn picture(&self) -> Job<'_, PictureOptions> {
+        Job::new(self.inputs(), PictureOptions::default())
+    }
+
+    /// A page of it for a browser: one file that holds all it shows.
+    pub fn page(&self) -> Job<'_, PageOptions> {
+        Job::new(self.inputs(), PageOptions::default())
+    }
+}
+
+impl Data for Mesh {
+    fn inputs(&self) -> Inputs {
+        Inputs::from(self.path.clone())
+    }
+
+    fn reading(&self) -> Map<String, Json> {
+        Map::new()
+    }
+}
