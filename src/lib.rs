@@ -91,6 +91,7 @@ pub use terrane_jobs::info::{
     CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
     GridInfoReport, Inspection, MeshInfoOptions, MeshInfoReport,
 };
+pub use terrane_jobs::input::is_mesh;
 pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
 pub use terrane_jobs::operation::{
     AnyOperation, Divisible, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,

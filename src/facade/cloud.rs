@@ -8,6 +8,7 @@ use terrane_base::Result;
 use terrane_base::geom::Crs;
 use terrane_cloud::{self as cloud, CloudInfo, HeldCloud, Marks, OpenOptions};
 use terrane_files::name_of;
+use terrane_jobs::Resources;
 use terrane_jobs::cloud_tin::CloudTinOptions;
 use terrane_jobs::grid::GridOptions;
 use terrane_jobs::info::CloudInfoOptions;
@@ -17,7 +18,6 @@ use terrane_jobs::page::CloudPageOptions;
 use terrane_jobs::tiles::{CloudTilesOptions, ModelOptions};
 use terrane_jobs::translate::PointsOptions;
 use terrane_jobs::verify::{CloudMeshProof, CloudTilesProof, Proof, Written};
-use terrane_jobs::Resources;
 use terrane_options::changed;
 use terrane_raster::Inputs;
 
@@ -259,8 +259,10 @@ impl Cloud {
     /// ```
     /// # fn main() -> terrane::Result<()> {
     /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [page, picture] = ["cloud.html", "cloud.png"].map(|name| folder.path().join(name));
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
+    /// # let [path, page, picture] = ["cloud.xyz", "cloud.html", "cloud.png"].map(|name| folder.path().join(name));
+    /// # let text: String = (0..2000).map(|i| format!("{} {} {}\n", i % 50, i / 50, i % 7)).collect();
+    /// # std::fs::write(&path, text).unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?; // "cloud.xyz"
     /// assert_eq!(cloud.page().points(1000).write(&page)?.points, Some(1000));
     /// let known = cloud.inspect().picture(&picture).run()?;
     /// assert!(known.density.unwrap() > 1.0 && known.picture.unwrap().points > 1000);
@@ -274,7 +276,8 @@ impl Cloud {
     /// What is known of it, by its headers, or by [all of its points](Job::stats); with a [picture](Job::picture) of it from
     /// above.
     pub fn inspect(&self) -> Job<'_, CloudInfoOptions> {
-        let options = CloudInfoOptions { cloud: self.reading.clone(), ..CloudInfoOptions::default() };
+        let options =
+            CloudInfoOptions { cloud: self.reading.clone(), ..CloudInfoOptions::default() };
         Job::new(Inputs::from(self.inputs.clone()), options)
     }
 

@@ -10,8 +10,8 @@ use terrane_files::name_of;
 use terrane_jobs::colours::ColorReliefOptions;
 use terrane_jobs::contour::ContourOptions;
 use terrane_jobs::convert::ConvertOptions;
-use terrane_jobs::operation::{Has, Job, Operation};
 use terrane_jobs::info::GridInfoOptions;
+use terrane_jobs::operation::{Has, Job, Operation};
 use terrane_jobs::options::GridInput;
 use terrane_jobs::page::PageOptions;
 use terrane_jobs::relief::{

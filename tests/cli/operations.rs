@@ -156,6 +156,7 @@ fn place() -> Place {
         },
     });
     place.write("two.topojson", topology.to_string());
+    place.ok(&["convert", TERRAIN, "dem.tif", "-q"]);
     place.ok(&["tin", TERRAIN, "mesh.ply", "--max-error", "20", "-q"]);
     place.write("sides.wkt", "POINT (500050 4753520)").write("sides.prj", "EPSG:32631");
     place.ok(&["synth", "cloud,size=60,density=4,seed=5", "cloud.las", "-q"]);

@@ -7,6 +7,7 @@ use super::las::New;
 use super::{BATCH, Census, CloudInfo, Columns, PointSource, write};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, Point};
+use terrane_files::is_held;
 use terrane_synth::cloud::{Echo, Survey};
 
 /// What comes before the cloud's name.
@@ -19,8 +20,11 @@ pub fn is_synthetic(input: &str) -> bool {
     input.strip_prefix(PREFIX).is_some_and(Survey::is_named)
 }
 
-/// Fails when one of `inputs` is a synthetic cloud, where files are wanted.
+/// Fails when one of `inputs` is a synthetic cloud or one in memory, where files are wanted.
 pub(super) fn refuse(inputs: &[String]) -> Result<()> {
+    if inputs.iter().any(|input| is_held(input)) {
+        return Err(Error::usage("points in memory are in no file").remedy("name files of points"));
+    }
     match inputs.iter().find(|input| is_synthetic(input)) {
         Some(name) => Err(Error::usage(format!("{name:?} is made by rule, and no file"))
             .remedy("write it with terrane synth, and give the file")),

@@ -48,16 +48,12 @@ pub(crate) fn rows(cloud: &CloudInfoReport) -> Vec<(String, String)> {
 /// Corners with as many decimals as the scale tells apart.
 fn corners(cloud: &CloudInfoReport, ends: &[Point3; 2]) -> [String; 2] {
     let decimals = cloud.scale.map(|s| (-s.log10()).ceil().clamp(0.0, 12.0) as usize);
-    ends.map(|p| {
-        std::array::from_fn::<_, 3, _>(|i| format!("{:.*}", decimals[i], p[i])).join(", ")
-    })
+    ends.map(|p| std::array::from_fn::<_, 3, _>(|i| format!("{:.*}", decimals[i], p[i])).join(", "))
 }
 
 fn stats_rows(cloud: &CloudInfoReport, stats: &CloudStats) -> Vec<(String, String)> {
     let counts = |all: &mut dyn Iterator<Item = (String, u64)>| {
-        all.map(|(name, n)| format!("{name}: {}", text::count(n)))
-            .collect::<Vec<_>>()
-            .join(", ")
+        all.map(|(name, n)| format!("{name}: {}", text::count(n))).collect::<Vec<_>>().join(", ")
     };
     let mut of_returns = stats.returns.iter().map(|(k, n)| (k.to_string(), *n));
     let mut of_classes = stats.classes.iter().map(|(k, n)| (k.to_string(), *n));

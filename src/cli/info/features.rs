@@ -16,10 +16,7 @@ pub(crate) fn rows(own: &FeaturesInfoReport) -> Vec<(String, String)> {
     rows.extend(own.layer.clone().map(|layer| ("layer", layer)));
     rows.extend([
         ("crs", own.crs.clone()),
-        (
-            "unit",
-            if own.crs == "unknown" { "unknown" } else { own.horizontal_unit }.to_owned(),
-        ),
+        ("unit", if own.crs == "unknown" { "unknown" } else { own.horizontal_unit }.to_owned()),
         ("features", format!("{}{}", text::count(own.features), with_ids(own))),
         ("geometries", kinds.collect::<Vec<_>>().join(", ")),
         ("parts", parts(own)),
@@ -46,8 +43,7 @@ fn with_ids(own: &FeaturesInfoReport) -> String {
 
 /// Lines and rings, as far as there are any.
 fn parts(own: &FeaturesInfoReport) -> String {
-    let counts =
-        [("lines", own.lines), ("outer rings", own.outer_rings), ("holes", own.holes)];
+    let counts = [("lines", own.lines), ("outer rings", own.outer_rings), ("holes", own.holes)];
     let some = counts.into_iter().filter(|(_, n)| *n > 0);
     some.map(|(name, n)| format!("{name}: {}", text::count(n))).collect::<Vec<_>>().join(", ")
 }

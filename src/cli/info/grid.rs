@@ -25,8 +25,7 @@ pub(crate) fn rows(grid: &GridInfoReport) -> Vec<(String, String)> {
         ("block", format!("{} x {}", grid.block[0], grid.block[1])),
     ];
     if (grid.scale, grid.offset) != (1.0, 0.0) {
-        let line =
-            format!("stored x {} + {}", text::number(grid.scale), text::number(grid.offset));
+        let line = format!("stored x {} + {}", text::number(grid.scale), text::number(grid.offset));
         rows.push(("height", line));
     }
     let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();

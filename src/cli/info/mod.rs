@@ -191,6 +191,11 @@ impl Args {
         files: &[String],
         at: (&dyn Progress, &Cancel),
     ) -> Result<Known<FeaturesInfoReport>> {
+        if files.len() > 1 {
+            return Err(
+                Error::usage("features are told about file by file").remedy("leave --mosaic out")
+            );
+        }
         self.inspect::<FeaturesInfoOptions, FeatureInput>(self.of(files)?, files, at)
     }
 

@@ -5,20 +5,17 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use terrane::{Cancel, CloudInput, Flags, Marks, Progress};
+use terrane::{CloudInput, Flags, Marks};
 use terrane_options::{Options, fill};
 
 use crate::error::told;
-use crate::grid::{crs_of, inputs, prove};
+use crate::grid::{crs_of, inputs};
 use crate::mesh::crs_text;
-use crate::operation::{self, options_of};
-use crate::plan::Plan;
-use crate::report::dictionary;
-use crate::work::{Settings, run};
+use crate::operation::options_of;
 
 /// A point cloud.
 #[pyclass(frozen, module = "terrane._terrane")]
-pub(crate) struct Cloud(terrane::Cloud);
+pub(crate) struct Cloud(pub(crate) terrane::Cloud);
 
 #[pymethods]
 impl Cloud {
@@ -74,63 +71,5 @@ impl Cloud {
         told.set_item("count", info.count)?;
         told.set_item("crs", crs_text(&info.crs))?;
         Ok(told)
-    }
-
-    /// Runs an operation with options by name.
-    fn run<'py>(
-        &self,
-        py: Python<'py>,
-        operation: &str,
-        path: PathBuf,
-        options: &Bound<'_, PyDict>,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let operation = operation::named(operation)?;
-        let options = told(py, options_of(operation.table, options)?)?;
-        let report = run(py, settings, |machine| {
-            self.0.run(operation, &path, &options, &machine.progress, &machine.cancel)
-        })?;
-        dictionary(py, &report)
-    }
-
-    /// Plans an operation with options by name.
-    fn plan(
-        &self,
-        py: Python<'_>,
-        operation: &str,
-        folder: PathBuf,
-        options: &Bound<'_, PyDict>,
-        task_size: Option<u32>,
-        settings: Settings,
-    ) -> PyResult<Plan> {
-        let operation = operation::named(operation)?;
-        let options = told(py, options_of(operation.table, options)?)?;
-        let planned = run(py, settings, |machine| {
-            let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
-            self.0.plan(operation, &folder, &options, task_size, watched)
-        })?;
-        Ok(Plan(planned))
-    }
-
-    /// The proof of a mesh in a file, with options by name.
-    fn verify<'py>(
-        &self,
-        py: Python<'py>,
-        mesh: PathBuf,
-        options: &Bound<'_, PyDict>,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        prove(py, self.0.verify(mesh), options, settings)
-    }
-
-    /// The same of a folder of terrain tiles.
-    fn verify_tiles<'py>(
-        &self,
-        py: Python<'py>,
-        tiles: PathBuf,
-        options: &Bound<'_, PyDict>,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        prove(py, self.0.verify_tiles(tiles), options, settings)
     }
 }

@@ -6,10 +6,7 @@ use numpy::{Element, PyArray1, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use terrane::{
-    Affine, ArrayGrid, ArraySample, Cancel, Crs, ErrorKind, Inputs, Job, Progress, Proof, Rect,
-    TinOptions, Written,
-};
+use terrane::{Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TinOptions};
 use terrane_base::door::Door;
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
@@ -19,13 +16,11 @@ use crate::array::Elements;
 use crate::error::{exception, told};
 use crate::mesh::{Mesh, crs_text};
 use crate::operation;
-use crate::plan::Plan;
-use crate::report::dictionary;
 use crate::work::{Machine, Settings, run};
 
 /// A grid of heights.
 #[pyclass(frozen, module = "terrane._terrane")]
-pub(crate) struct Grid(terrane::Grid);
+pub(crate) struct Grid(pub(crate) terrane::Grid);
 
 /// How a grid is read, as Python has it.
 #[derive(FromPyObject)]
@@ -166,64 +161,6 @@ impl Grid {
         };
         run(py, settings, make).map(Mesh::from)
     }
-
-    /// The proof of a mesh in a file, with options by name.
-    fn verify<'py>(
-        &self,
-        py: Python<'py>,
-        mesh: PathBuf,
-        options: &Bound<'_, PyDict>,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        prove(py, self.0.verify(mesh), options, settings)
-    }
-
-    /// The same of a folder of terrain tiles.
-    fn verify_tiles<'py>(
-        &self,
-        py: Python<'py>,
-        tiles: PathBuf,
-        options: &Bound<'_, PyDict>,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        prove(py, self.0.verify_tiles(tiles), options, settings)
-    }
-
-    /// Runs an operation by its name, with options by theirs.
-    fn run<'py>(
-        &self,
-        py: Python<'py>,
-        operation: &str,
-        path: PathBuf,
-        options: &Bound<'py, PyDict>,
-        settings: Settings,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let operation = operation::named(operation)?;
-        let options = told(py, operation::options_of(operation.table, options)?)?;
-        let report = run(py, settings, |machine| {
-            self.0.run(operation, &path, &options, &machine.progress, &machine.cancel)
-        })?;
-        dictionary(py, &report)
-    }
-
-    /// Plans an operation by its name, with options by theirs.
-    fn plan(
-        &self,
-        py: Python<'_>,
-        operation: &str,
-        folder: PathBuf,
-        options: &Bound<'_, PyDict>,
-        task_size: Option<u32>,
-        settings: Settings,
-    ) -> PyResult<Plan> {
-        let operation = operation::named(operation)?;
-        let options = told(py, operation::options_of(operation.table, options)?)?;
-        let planned = run(py, settings, |machine| {
-            let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
-            self.0.plan(operation, &folder, &options, task_size, watched)
-        })?;
-        Ok(Plan(planned))
-    }
 }
 
 impl Grid {
@@ -239,21 +176,6 @@ impl Grid {
             None => Ok(grid),
         }
     }
-}
-
-/// Does a proof with options by name.
-pub(crate) fn prove<'py, O: Proof>(
-    py: Python<'py>,
-    job: Job<'_, O, Written>,
-    options: &Bound<'_, PyDict>,
-    settings: Settings,
-) -> PyResult<Bound<'py, PyAny>> {
-    let options = told(py, operation::options_of(O::TABLE, options)?)?;
-    let report = run(py, settings, |machine| {
-        let job = job.with_named(&options)?;
-        job.progress(machine.progress.clone()).cancel(&machine.cancel).run()
-    })?;
-    dictionary(py, &report)
 }
 
 /// An error of the usage of Python's own options.

@@ -11,6 +11,7 @@ mod mesh;
 mod operation;
 mod plan;
 mod report;
+mod source;
 mod work;
 
 use pyo3::prelude::*;
@@ -34,9 +35,12 @@ fn _terrane(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(command_line, module)?)?;
     module.add_function(wrap_pyfunction!(operation::operations, module)?)?;
     module.add_function(wrap_pyfunction!(operation::check_operation, module)?)?;
+    module.add_function(wrap_pyfunction!(source::run_operation, module)?)?;
+    module.add_function(wrap_pyfunction!(source::plan_operation, module)?)?;
+    module.add_function(wrap_pyfunction!(source::report_on, module)?)?;
+    module.add_function(wrap_pyfunction!(source::is_mesh, module)?)?;
     module.add_function(wrap_pyfunction!(lines::read_lines, module)?)?;
     module.add_function(wrap_pyfunction!(lines::simplify_places, module)?)?;
-    module.add_function(wrap_pyfunction!(lines::run_on_features, module)?)?;
     module.add_function(wrap_pyfunction!(lines::write_geometries, module)?)?;
     Ok(())
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyTuple;
 use terrane::{Cancel, Coordinates, ErrorKind, Method};
 use terrane_vector::{
     Coordinates as Places, Feature, Geometry, Kind, Layer, OpenOptions, Value, WriteOptions,
@@ -13,8 +13,6 @@ use terrane_vector::{
 use crate::error::told;
 use crate::grid::{crs_of, usage};
 use crate::mesh::{crs_text, rows};
-use crate::operation;
-use crate::report::dictionary;
 use crate::work::{Settings, run};
 
 /// Methods by the names of the command line.
@@ -266,23 +264,4 @@ impl Ragged<'_> {
         }
         Some(places)
     }
-}
-
-/// Runs an operation on the features of a file, with options by their names.
-#[pyfunction]
-pub(crate) fn run_on_features<'py>(
-    py: Python<'py>,
-    operation: &str,
-    path: PathBuf,
-    output: PathBuf,
-    options: &Bound<'py, PyDict>,
-    settings: Settings,
-) -> PyResult<Bound<'py, PyAny>> {
-    let operation = operation::named(operation)?;
-    let options = told(py, operation::options_of(operation.table, options)?)?;
-    let report = run(py, settings, |machine| {
-        let features = terrane::open_features(path)?;
-        features.run(operation, &output, &options, &machine.progress, &machine.cancel)
-    })?;
-    dictionary(py, &report)
 }

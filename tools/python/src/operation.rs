@@ -6,15 +6,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
-use terrane::{
-    AnyOperation, CloudMeshProof, CloudTilesProof, Error, MeshProof, OPERATIONS, Proof, Reads,
-    TilesProof, TinOptions, check_named,
-};
+use terrane::{AnyOperation, Error, OPERATIONS, Reads, TinOptions, check_named};
 use terrane_files::name_of;
-use terrane_options::{Field, Kind, Role, Shape, Table, fill, to_map};
+use terrane_options::{Field, Kind, Role, Shape, Table, fill};
 
 use crate::error::told;
-use crate::report::dictionary;
+use crate::report::{REPORTS, dictionary, report_named};
 
 /// The operation of a name.
 pub(crate) fn named(name: &str) -> PyResult<&'static AnyOperation> {
@@ -22,40 +19,16 @@ pub(crate) fn named(name: &str) -> PyResult<&'static AnyOperation> {
     found.ok_or_else(|| PyValueError::new_err(format!("there is no operation {name:?}")))
 }
 
-/// A proof by its name, beside the operations.
-struct AnyProof {
-    name: &'static str,
-    reads: Reads,
-    table: &'static Table,
-    defaults: fn() -> Map<String, Json>,
-    check: fn(&Map<String, Json>) -> terrane::Result<()>,
-}
-
-impl AnyProof {
-    const fn of<O: Proof>(name: &'static str, reads: Reads) -> Self {
-        let defaults = || to_map(&O::default());
-        let check = |given: &Map<String, Json>| check_named::<O>(given);
-        Self { name, reads, table: O::TABLE, defaults, check }
-    }
-}
-
-const PROOFS: [AnyProof; 4] = [
-    AnyProof::of::<MeshProof>("verify", Reads::Grid),
-    AnyProof::of::<CloudMeshProof>("verify-cloud", Reads::Cloud),
-    AnyProof::of::<TilesProof>("verify-tiles", Reads::Grid),
-    AnyProof::of::<CloudTilesProof>("verify-cloud-tiles", Reads::Cloud),
-];
-
-/// All operations and proofs, by name: what each is for, and its options in their order.
+/// All operations, proofs and inspections, by name: what each is for, and its options in their order.
 #[pyfunction]
 pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     let operations = OPERATIONS
         .iter()
         .map(|own| (own.name, described(own.table, own.reads, &(own.defaults)(), own.task_size())));
-    let proofs = PROOFS.iter();
-    let proofs =
-        proofs.map(|own| (own.name, described(own.table, own.reads, &(own.defaults)(), None)));
-    let told = operations.chain(proofs).map(|(name, told)| (name.to_owned(), told));
+    let reports = REPORTS.iter();
+    let reports =
+        reports.map(|own| (own.name, described(own.table, own.reads, &(own.defaults)(), None)));
+    let told = operations.chain(reports).map(|(name, told)| (name.to_owned(), told));
     dictionary(py, &told.collect::<Map<String, Json>>())
 }
 
@@ -138,9 +111,9 @@ pub(crate) fn check_operation(
     options: &Bound<'_, PyDict>,
     path: Option<PathBuf>,
 ) -> PyResult<()> {
-    if let Some(proof) = PROOFS.iter().find(|proof| proof.name == operation) {
-        let options = told(py, options_of(proof.table, options)?)?;
-        return told(py, (proof.check)(&options));
+    if let Ok(report) = report_named(operation) {
+        let options = told(py, options_of(report.table, options)?)?;
+        return told(py, (report.check)(&options));
     }
     let operation = named(operation)?;
     let options = told(py, options_of(operation.table, options)?)?;

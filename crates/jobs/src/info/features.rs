@@ -39,10 +39,7 @@ pub struct FeaturesInfoReport {
 }
 
 /// Counts as an object.
-fn by_name<S: Serializer>(
-    kinds: &[(Kind, u64)],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
+fn by_name<S: Serializer>(kinds: &[(Kind, u64)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(kinds.iter().map(|(kind, count)| (kind.name(), count)))
 }
 

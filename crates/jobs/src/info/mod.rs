@@ -221,11 +221,7 @@ impl MeshInfoOptions {
     }
 }
 
-fn open(
-    inputs: &Inputs,
-    grid: &GridInput,
-    resources: &Resources,
-) -> Result<Box<dyn GridSource>> {
+fn open(inputs: &Inputs, grid: &GridInput, resources: &Resources) -> Result<Box<dyn GridSource>> {
     raster::open_all(inputs.names(), &grid.options(resources, cache_beside(resources.memory))?)
 }
 

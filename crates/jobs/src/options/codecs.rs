@@ -568,6 +568,25 @@ mod tests {
         for text in ["", "mm", "-1mm", "0", "1:0", "1:2:3", "nan", "x", "5ft"] {
             assert!(length(text).is_err() && scale(text).is_err(), "{text}");
         }
+        let size = |text| <Bytes as Codec<u64>>::parse(text);
+        let good =
+            [("128M", 128 << 20), ("4GiB", 4 << 30), ("512 MiB", 512 << 20), ("2tb", 2 << 40)];
+        for (text, value) in good.into_iter().chain([("1536k", 3 << 19), ("2000000", 2_000_000)]) {
+            assert_eq!(size(text), Ok(value), "{text}");
+        }
+        for text in ["1", "512", "1023K"] {
+            assert!(
+                size(text).is_err_and(|e| e.contains("at least 1M") && e.contains("K, M or G"))
+            );
+        }
+        for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+        let bounds = |text| Bounds::parse(text);
+        assert_eq!(bounds("-1, 2,3,4.5"), Ok([-1.0, 2.0, 3.0, 4.5]));
+        for text in ["1,2,3", "1,2,3,4,5", "3,2,1,4", "1,2,1,4", "a,b,c,d", "1,2,inf,4"] {
+            assert!(bounds(text).is_err(), "{text}");
+        }
         for number in 0..=11 {
             let known = (number <= 10).then(|| json!(number));
             assert_eq!(read::<PointFormat, PointFormatNumber>(&number.to_string()), known);

@@ -107,7 +107,10 @@ pub(super) fn put(
 /// What a page calls its input: names of files without their folders, which are nobody's business where the
 /// page is read.
 pub(super) fn title(inputs: &Inputs) -> String {
-    let name = |input: &String| input.rsplit(['/', '\\']).next().unwrap_or(input).to_owned();
+    let name = |input: &String| {
+        let path = input.strip_prefix("cloud:").unwrap_or(input);
+        path.rsplit(['/', '\\']).next().unwrap_or(path).to_owned()
+    };
     match inputs.names() {
         [one] => name(one),
         [first, rest @ ..] => format!("{} and {} more", name(first), rest.len()),

@@ -131,7 +131,11 @@ impl PageJob<'_> {
     /// # Errors
     /// Usage for an option that does not go with the input; what is beyond limits of pages; too little memory; and what the
     /// readers find.
-    fn write(&self, make: impl FnOnce() -> Result<(Page, PageReport)>, cancel: &Cancel) -> Result<PageReport> {
+    fn write(
+        &self,
+        make: impl FnOnce() -> Result<(Page, PageReport)>,
+        cancel: &Cancel,
+    ) -> Result<PageReport> {
         let started = Instant::now();
         refuse_existing(self.output, self.overwrite)?;
         let (page, report) = make().map_err(|error| match error.kind() {

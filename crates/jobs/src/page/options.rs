@@ -4,7 +4,9 @@ use std::path::Path;
 
 use terrane_options::{Options, Range, Rule};
 
-use super::{Look, MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles};
+use super::{
+    Look, MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles,
+};
 use crate::input::{self, Surface};
 use crate::memory::cache_beside;
 use crate::operation::{Operation, Request, Writes};
@@ -115,11 +117,8 @@ impl Operation for PageOptions {
 
     fn run(&self, request: Request<'_>) -> Result<PageReport> {
         let Self { edges, lighting, heights, replacing, resources, .. } = self;
-        let look = Look {
-            lighting: lighting.clone(),
-            exaggeration: heights.exaggeration,
-            edges: *edges,
-        };
+        let look =
+            Look { lighting: lighting.clone(), exaggeration: heights.exaggeration, edges: *edges };
         let job = PageJob { look, ..PageJob::of(&request, replacing, resources) };
         job.write(|| self.make(&job, request.progress, request.cancel), request.cancel)
     }

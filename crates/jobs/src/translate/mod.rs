@@ -66,7 +66,7 @@ use terrane_cloud::{
     Carrier, Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, PointSource,
 };
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
-use terrane_files::{folder_for, is_held, path_of};
+use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};
 use wide::Wide;
 
@@ -212,12 +212,6 @@ fn prepared<T: Send>(
 impl TranslateJob {
     /// The cloud, opened as it is to be read.
     fn open(&self) -> Result<Cloud> {
-        if self.input.iter().any(|name| is_held(name)) {
-            return Err(Error::usage(
-                "points in memory are in no file that they could be copied from",
-            )
-            .remedy("name files"));
-        }
         terrane_cloud::open(&self.input, &self.reading())
     }
 

@@ -23,7 +23,8 @@ pub(super) fn draw(
     let fine = frame.finer(FINENESS);
     let plan = Plan::new(info, &frame);
     let coarse = plan.read(grid, &job.options.resources, progress, cancel)?;
-    let field = workers(&job.options.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
+    let field =
+        workers(&job.options.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
     Ok(Drawn { frame, field, edges: None, colours: None })
 }
 

@@ -16,6 +16,8 @@
 | `tiles` | terrain for viewers of the globe, at every level of detail |
 | `simplify` | lines and polygons with fewer vertices |
 | `verify` | a proof of a mesh |
+| `info`, `info_mesh`, `info_cloud`, `info_features` | what something is |
+| `picture`, `page`, `cloud_page`, `line_page` | pictures, and pages for browsers |
 | `plan` | work for many processes, which may be killed |
 | `Delatin` | a mesh by the interface of pydelatin |
 
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
     from terrane._operations import (
         aspect,
         chm,
+        cloud_page,
         cloud_tiles,
         color_relief,
         contour,
@@ -54,6 +57,13 @@ if TYPE_CHECKING:
         dtm,
         grid,
         hillshade,
+        info,
+        info_cloud,
+        info_features,
+        info_mesh,
+        line_page,
+        page,
+        picture,
         plan,
         plan_cloud_tin,
         plan_grid,
@@ -86,7 +96,8 @@ _WHERE = {
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
     "_lines": "Lines simplify",
     "_mesh": "Mesh",
-    "_operations": "aspect chm cloud_tiles color_relief contour convert curvature dsm dtm grid hillshade plan plan_cloud_tin plan_grid plan_points plan_tiles plan_tin points "
+    "_operations": "aspect chm cloud_page cloud_tiles color_relief contour convert curvature dsm dtm grid hillshade "
+    "info info_cloud info_features info_mesh line_page page picture plan plan_cloud_tin plan_grid plan_points plan_tiles plan_tin points "
     "roughness simplify_file slope tiles tin tpi tri verify verify_cloud verify_cloud_tiles verify_tiles write_cloud_tin write_tin",
     "_plans": "Plan open_plan",
     "_terrane": "__version__",
@@ -126,6 +137,7 @@ __all__ = [
     "__version__",
     "aspect",
     "chm",
+    "cloud_page",
     "cloud_tiles",
     "color_relief",
     "contour",
@@ -135,7 +147,14 @@ __all__ = [
     "dtm",
     "grid",
     "hillshade",
+    "info",
+    "info_cloud",
+    "info_features",
+    "info_mesh",
+    "line_page",
     "open_plan",
+    "page",
+    "picture",
     "plan",
     "plan_cloud_tin",
     "plan_grid",

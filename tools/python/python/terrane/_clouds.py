@@ -134,7 +134,7 @@ class GridResult:
                 raise usage(f"{len(self.names)} bands are for a GeoTIFF", "write a .tif")
             reading = {"band": 1, "nodata": None, "clip": None, "water": None}
             grid = _terrane.Grid.open([self._path], reading)
-            grid.run("convert", name, {"overwrite": overwrite}, settings(None, None))
+            _terrane.run_operation("convert", grid, name, {"overwrite": overwrite}, settings(None, None))
             return
         new = f"{name}.{os.getpid()}.new"
         try:

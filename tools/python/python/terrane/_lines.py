@@ -320,7 +320,7 @@ def through_files(
         before, after = (os.path.join(folder, name) for name in ("before.wkt", "after.wkt"))
         _terrane.write_geometries(before, groups, crs_text(crs))
         machine = {key: run[key] for key in ("threads", "memory")}
-        _terrane.run_on_features("simplify", before, after, {**asked, **machine}, run)
+        _terrane.run_operation("simplify", before, after, {**asked, **machine}, run)
         with open(after) as file:
             found = shapely.from_wkt([line.rstrip("\n") for line in file if line.strip()])
     places = np.concatenate(order)

@@ -30,6 +30,8 @@ from terrane._source import crs_text, opened
 BESIDE = ("clip", "water", "keep_points", "breaklines")
 # What says how the grid is read, with what only Python has; all else is an option of the operation.
 SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
+# Operations that take meshes in place of grids.
+OF_SURFACES = ("picture", "page")
 OF_SOURCE = {
     "transform": "Where an array lies, in rasterio's order",
     "crs": "The reference system of an array: text, a code, or one of pyproj or rasterio",
@@ -50,18 +52,16 @@ def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, An
     """Runs an operation with all keywords that were given; what can be wrong with these is told before anything is opened."""
     output = os.fsdecode(path)
     with ready(name, src, options, output) as (source, progress):
-        if source is None:
-            return _terrane.run_on_features(name, os.fspath(src), output, options, progress)
-        return source.run(name, output, options, progress)
+        return _terrane.run_operation(name, source, output, options, progress)
 
 
 @contextmanager
 def ready(
     name: str, src: Any, options: dict[str, Any], output: str | None, is_plan: bool = False
 ) -> Iterator[tuple[Any, Any]]:
-    """What an operation reads (nothing of features), where its options are right; what only Python has is taken out of
-    them. Nothing without an output is written but plans, and these need files that stay."""
-    reads = tables()[name]["reads"]
+    """What an operation reads (the path of features and meshes), where its options are right; what only Python has is taken
+    out of them. Nothing without an output is written but plans, and these need files that stay."""
+    reads = "mesh" if is_mesh(name, src) else tables()[name]["reads"]
     # What can be looked at once is looked at twice.
     options |= {key: list(value) for key, value in options.items() if isinstance(value, Iterator)}
     _beside.settle(options)
@@ -87,7 +87,11 @@ def ready(
         _terrane.check_operation(name, {**given, **held}, output)
     features = {key: options.pop(key) for key in BESIDE if key in options}
     if reads == "features":
-        yield None, progress
+        yield os.fspath(src), progress
+    elif reads == "mesh":
+        with mesh_file(src) as path, _beside.files(lambda: None, **features) as files:
+            options |= files
+            yield path, progress
     elif reads == "grid":
         with opened(src, **reading, **features) as (grid, files):
             options |= {key: files[key] for key in features}
@@ -97,6 +101,25 @@ def ready(
         with _beside.files(lambda: cloud.info["crs"], **features) as files:
             options |= files
             yield cloud, progress
+
+
+def is_mesh(name: str, src: Any) -> bool:
+    """True where a mesh is read, which some operations take in place of a grid."""
+    is_path = isinstance(src, str | os.PathLike)
+    is_one = isinstance(src, Mesh) or (is_path and _terrane.is_mesh(os.fspath(src)))
+    return name == "info-mesh" or (name in OF_SURFACES and is_one)
+
+
+@contextmanager
+def mesh_file(mesh: Any) -> Iterator[str]:
+    """The file of a mesh; that of one in memory lasts as long as this."""
+    if not isinstance(mesh, Mesh):
+        yield os.fspath(mesh)
+        return
+    with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+        path = os.path.join(folder, "mesh.ply")
+        mesh.write(path)
+        yield path
 
 
 def is_true(value: Any) -> bool:
@@ -132,7 +155,10 @@ def planned(name: str) -> Callable[..., Plan]:
         options = with_cells({**first, **named, **options})
         task_size = number("task_size", options.pop("task_size", None))
         with ready(name, src, options, None, is_plan=True) as (source, progress):
-            return Plan(source.plan(name, os.fsdecode(folder), options, task_size, progress))
+            made = _terrane.plan_operation(
+                name, source, os.fsdecode(folder), options, task_size, progress
+            )
+            return Plan(made)
 
     function.__name__ = function.__qualname__ = planned_name(name)
     function.__module__ = __name__
@@ -157,9 +183,7 @@ def proved(name: str) -> Callable[..., Report]:
             raise usage(f"{called(name)} takes {', '.join(names)} and keywords")
         file, src = (given.pop(key) for key in PROVED[name])
         if isinstance(file, Mesh) and name == "verify":
-            with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
-                path = os.path.join(folder, "mesh.ply")
-                file.write(path)
+            with mesh_file(file) as path:
                 return Report({**prove(name, path, src, given).as_dict(), "mesh": "in memory"})
         if not isinstance(file, str | os.PathLike):
             of = PROVED[name][0]
@@ -177,8 +201,26 @@ def proved(name: str) -> Callable[..., Report]:
 def prove(name: str, file: str, src: Any, options: dict[str, Any]) -> Report:
     """What a proof of a file or folder finds."""
     with ready(name, src, options, None) as (source, progress):
-        work = source.verify_tiles if name.endswith("tiles") else source.verify
-        return Report(work(file, options, progress))
+        return Report(_terrane.report_on(name, source, file, options, progress))
+
+
+def inspected(name: str) -> Callable[..., dict[str, Any]]:
+    """The function that tells what something is."""
+
+    def function(src: Any, **options: Any) -> dict[str, Any]:
+        with ready(name, src, options, None) as (source, progress):
+            return _terrane.report_on(name, source, None, options, progress)
+
+    return documented(function, name, signature=inspected_parameters(name))
+
+
+# What is told of without writing anything.
+INSPECTED = ("info", "info-mesh", "info-cloud", "info-features")
+
+
+def inspected_parameters(name: str) -> list[inspect.Parameter]:
+    """The parameters of the function that tells what something is."""
+    return [own for own in parameters(name) if own.name != "path"]
 
 
 # What proofs are of, and what it was made from.
@@ -395,7 +437,7 @@ def parameters(name: str, is_file: bool = False) -> list[inspect.Parameter]:
     if is_held:
         found.append(parameter("output", kinds.KEYWORD_ONLY))
     found += [parameter(key, kinds.KEYWORD_ONLY) for key in list(options)]
-    more = OF_SOURCE if tables()[name]["reads"] == "grid" else ["progress"]
+    more = OF_SOURCE if tables()[name]["reads"] == "grid" and name != "info-mesh" else ["progress"]
     return found + [parameter(key, kinds.KEYWORD_ONLY) for key in more]
 
 
@@ -417,7 +459,8 @@ def documentation(name: str) -> str:
     """What an operation is for, what its options are, and an example."""
     table = tables()[name]
     lines = [table["about"], "", "Parameters", "----------"]
-    rows = [("src", SOURCES[table["reads"]], None)]
+    source = SOURCES["mesh" if name == "info-mesh" else table["reads"]]
+    rows = [("src", source + SOURCES["or mesh"] * (name in OF_SURFACES), None)]
     rows += [(keyword_of(option), about_of(option), option["default_text"]) for option in table["options"]]
     own = {parameter.name for parameter in parameters(name)} - {row[0] for row in rows}
     rows += [(key, about, None) for key, about in {**OF_SOURCE, **PLACES}.items() if key in own]
@@ -445,6 +488,9 @@ def stub() -> str:
         "def stub() -> str: ...",
     ]
     for name, table in tables().items():
+        if name in INSPECTED:
+            lines += signature(called(name), inspected_parameters(name), "dict[str, Any]")
+            continue
         if name in PROVED:
             lines += signature(called(name), proved_parameters(name), "Report")
             continue
@@ -505,6 +551,8 @@ SOURCES = {
     "cloud": "A path, a list of paths (one cloud), the name of a synthetic cloud (\"synth:cloud,size=60\"), an array of points "
     "(x, y, z in its columns, or named fields), or points of laspy or PDAL",
     "features": "The path of a file of features",
+    "mesh": "The path of a mesh, or a `terrane.Mesh`",
+    "or mesh": "; or the path of a mesh, or a `terrane.Mesh`",
 }
 
 EXAMPLES = {
@@ -593,6 +641,45 @@ EXAMPLES = {
         ...     all(level["error"] <= level["tolerance"] for level in made["levels"])
         True
     """,
+    "picture": """
+        >>> import numpy as np, os, tempfile, terrane
+        >>> heights = np.random.default_rng(1).normal(size=(40, 60)).astype("f4")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "a.png")
+        ...     terrane.picture(heights, path, width=120)["height"]
+        ...     mesh = terrane.tin(heights, max_error=0.5)
+        ...     terrane.picture(mesh, path, width=60, edges=True, overwrite=True)["width"]
+        80
+        60
+    """,
+    "page": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "a.html")
+        ...     terrane.page("synth:rough,size=65", path)["triangles"]
+        8192
+    """,
+    "info": """
+        >>> import numpy as np, terrane
+        >>> known = terrane.info(np.arange(12.0).reshape(3, 4), stats=True)
+        >>> known["width"], known["stats"]["mean"]
+        (4, 5.5)
+    """,
+    "info-mesh": """
+        >>> import terrane
+        >>> mesh = terrane.tin("synth:rough,size=65", max_error=5.0)
+        >>> terrane.info_mesh(mesh, quality=True)["quality"]["delaunay_share"] > 0.99
+        True
+    """,
+    "info-cloud": r"""
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "cloud.xyz")
+        ...     with open(path, "w") as file:
+        ...         _ = file.write("0 0 1\n0 4 2\n5 1 3\n")
+        ...     terrane.info_cloud("cloud:" + path, stats=True)["stats"]["read"]
+        3
+    """,
     "slope": """
         >>> import os, tempfile, terrane
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -649,7 +736,15 @@ documented(tin, "tin")
 documented(grid, "grid")
 convert = written("convert")
 points = written("points")
+cloud_page = written("cloud-page")
 cloud_tiles = written("cloud-tiles")
+info = inspected("info")
+info_cloud = inspected("info-cloud")
+info_features = inspected("info-features")
+info_mesh = inspected("info-mesh")
+line_page = written("line-page")
+page = written("page")
+picture = written("picture")
 plan_cloud_tin = planned("cloud-tin")
 plan_grid = planned("grid")
 plan_points = planned("points")

@@ -42,23 +42,6 @@ class Grid:
     def notes(self) -> list[tuple[str, str]]: ...
     def heights(self) -> NDArray[np.float64]: ...
     def tin(self, options: dict[str, Any], settings: Settings) -> Mesh: ...
-    def verify(
-        self, mesh: str, options: dict[str, Any], settings: Settings
-    ) -> dict[str, Any]: ...
-    def verify_tiles(
-        self, tiles: str, options: dict[str, Any], settings: Settings
-    ) -> dict[str, Any]: ...
-    def run(
-        self, operation: str, path: str, options: dict[str, Any], settings: Settings
-    ) -> dict[str, Any]: ...
-    def plan(
-        self,
-        operation: str,
-        folder: str,
-        options: dict[str, Any],
-        task_size: int | None,
-        settings: Settings,
-    ) -> Plan: ...
 
 @final
 class Mesh:
@@ -101,23 +84,6 @@ class Cloud:
     ) -> Cloud: ...
     @property
     def info(self) -> dict[str, Any]: ...
-    def run(
-        self, operation: str, path: str, options: dict[str, Any], settings: Settings
-    ) -> dict[str, Any]: ...
-    def plan(
-        self,
-        operation: str,
-        folder: str,
-        options: dict[str, Any],
-        task_size: int | None,
-        settings: Settings,
-    ) -> Plan: ...
-    def verify(
-        self, mesh: str, options: dict[str, Any], settings: Settings
-    ) -> dict[str, Any]: ...
-    def verify_tiles(
-        self, tiles: str, options: dict[str, Any], settings: Settings
-    ) -> dict[str, Any]: ...
 
 @final
 class Plan:
@@ -137,6 +103,29 @@ class Plan:
 
 def operations() -> dict[str, Any]: ...
 def check_operation(operation: str, options: dict[str, Any], path: str | None) -> None: ...
+def run_operation(
+    operation: str,
+    source: Grid | Cloud | str,
+    path: str,
+    options: dict[str, Any],
+    settings: Settings,
+) -> dict[str, Any]: ...
+def plan_operation(
+    operation: str,
+    source: Grid | Cloud | str,
+    folder: str,
+    options: dict[str, Any],
+    task_size: int | None,
+    settings: Settings,
+) -> Plan: ...
+def report_on(
+    name: str,
+    source: Grid | Cloud | str,
+    file: str | None,
+    options: dict[str, Any],
+    settings: Settings,
+) -> dict[str, Any]: ...
+def is_mesh(path: str) -> bool: ...
 def command_line(args: Sequence[str]) -> int: ...
 def read_lines(
     path: str, attribute: str
@@ -149,9 +138,6 @@ def simplify_places(
     rings: bool,
     settings: Settings,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
-def run_on_features(
-    operation: str, path: str, output: str, options: dict[str, Any], settings: Settings
-) -> dict[str, Any]: ...
 def write_geometries(
     path: str,
     groups: Sequence[tuple[str, NDArray[np.float64], Sequence[NDArray[np.int64]]]],

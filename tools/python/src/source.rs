@@ -1,0 +1,115 @@
+//! What work is done on, whatever it is.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use terrane::{Cancel, Data, Progress, Reads};
+use terrane_files::name_of;
+
+use crate::cloud::Cloud;
+use crate::error::told;
+use crate::grid::Grid;
+use crate::operation::{named, options_of};
+use crate::plan::Plan;
+use crate::report::{dictionary, report_named};
+use crate::work::{Machine, Settings, run};
+
+/// A grid or a cloud that is open, or the file of a mesh or of features.
+#[derive(FromPyObject)]
+pub(crate) enum Source<'py> {
+    Grid(PyRef<'py, Grid>),
+    Cloud(PyRef<'py, Cloud>),
+    File(PathBuf),
+}
+
+impl Source<'_> {
+    /// Does work on it.
+    fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        reads: Reads,
+        settings: Settings,
+        work: impl FnOnce(&dyn Data, &Machine) -> terrane::Result<T> + Send,
+    ) -> PyResult<T> {
+        match self {
+            Self::Grid(grid) => {
+                let grid = &grid.0;
+                run(py, settings, |machine| work(grid, machine))
+            }
+            Self::Cloud(cloud) => {
+                let cloud = &cloud.0;
+                run(py, settings, |machine| work(cloud, machine))
+            }
+            Self::File(path) if reads == Reads::Features => {
+                run(py, settings, |machine| work(&terrane::open_features(path)?, machine))
+            }
+            Self::File(path) => {
+                run(py, settings, |machine| work(&terrane::open_mesh(path)?, machine))
+            }
+        }
+    }
+}
+
+/// Runs an operation by its name, with options by theirs.
+#[pyfunction]
+pub(crate) fn run_operation<'py>(
+    py: Python<'py>,
+    operation: &str,
+    source: Source<'py>,
+    path: PathBuf,
+    options: &Bound<'py, PyDict>,
+    settings: Settings,
+) -> PyResult<Bound<'py, PyAny>> {
+    let operation = named(operation)?;
+    let options = told(py, options_of(operation.table, options)?)?;
+    let report = source.run(py, operation.reads, settings, |data, machine| {
+        let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
+        data.run(operation, &path, &options, watched)
+    })?;
+    dictionary(py, &report)
+}
+
+/// Plans an operation by its name, with options by theirs.
+#[pyfunction]
+pub(crate) fn plan_operation(
+    py: Python<'_>,
+    operation: &str,
+    source: Source<'_>,
+    folder: PathBuf,
+    options: &Bound<'_, PyDict>,
+    task_size: Option<u32>,
+    settings: Settings,
+) -> PyResult<Plan> {
+    let operation = named(operation)?;
+    let options = told(py, options_of(operation.table, options)?)?;
+    let planned = source.run(py, operation.reads, settings, |data, machine| {
+        let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
+        data.plan(operation, &folder, &options, task_size, watched)
+    })?;
+    Ok(Plan(planned))
+}
+
+/// A proof by its name of a file or folder, against what it was made from; or what something is. Options are by name.
+#[pyfunction]
+pub(crate) fn report_on<'py>(
+    py: Python<'py>,
+    name: &str,
+    source: Source<'py>,
+    file: Option<PathBuf>,
+    options: &Bound<'py, PyDict>,
+    settings: Settings,
+) -> PyResult<Bound<'py, PyAny>> {
+    let asked = report_named(name)?;
+    let options = told(py, options_of(asked.table, options)?)?;
+    let reads = asked.reads;
+    let report = source
+        .run(py, reads, settings, |data, machine| (asked.run)(data, file, &options, machine))?;
+    dictionary(py, &report)
+}
+
+/// True for the file of a mesh, or a folder of its pieces.
+#[pyfunction]
+pub(crate) fn is_mesh(path: PathBuf) -> bool {
+    name_of(path).and_then(|name| terrane::is_mesh(&name)).unwrap_or(false)
+}
