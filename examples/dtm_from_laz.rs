@@ -2,7 +2,7 @@
 //!
 //! `cargo run --example dtm_from_laz -- survey.laz`; without a file a synthetic survey is used.
 
-use terrane::{CloudInput, PointFilter};
+use terrane::CloudInput;
 
 fn main() -> terrane::Result<()> {
     let synthetic = || "synth:cloud,size=150,density=4,seed=7".to_owned();
@@ -16,8 +16,9 @@ fn main() -> terrane::Result<()> {
     let dtm = cloud.grid(1.0).dtm(true).write(folder.join("dtm.tif"))?;
     println!("{}: {} x {} cells", dtm.output, dtm.width, dtm.height);
 
-    let points = PointFilter { class: vec![2], ..PointFilter::default() };
-    let ground = cloud.read_as(CloudInput { points, ..CloudInput::default() })?;
+    let mut reading = CloudInput::default();
+    reading.points.class = vec![2];
+    let ground = cloud.read_as(reading)?;
     let mesh = ground.tin().max_error(0.2).write(folder.join("ground.ply"))?;
     println!("{}: {} vertices of {} points", mesh.output, mesh.vertices, mesh.points.kept);
 

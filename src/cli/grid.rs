@@ -63,23 +63,16 @@ fn bands(r: &GridReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::figures::Figures;
 
     #[test]
     fn a_summary_tells_what_became_of_the_points() {
-        let report = GridReport {
-            points: crate::cloud::Census {
-                read: 1234,
-                kept: 1200,
-                withheld: 34,
-                ..Default::default()
-            },
-            outside_grid: 7,
-            bands: vec![grid::BandReport { name: "mean".into(), valid: 5 }],
-            cells: 10,
-            run: Figures { spilled_bytes: Some(2048), peak_memory: Some(1), ..Figures::default() },
-            ..GridReport::default()
-        };
+        let mut report = GridReport::default();
+        report.points =
+            crate::cloud::Census { read: 1234, kept: 1200, withheld: 34, ..report.points };
+        report.outside_grid = 7;
+        report.bands = vec![grid::BandReport { name: "mean".into(), valid: 5 }];
+        report.cells = 10;
+        (report.run.spilled_bytes, report.run.peak_memory) = (Some(2048), Some(1));
         let told = summary(&report);
         for part in
             ["1,234 read, 34 withheld, 7 outside the grid", "mean (50.00 % of", "2.0 KiB through"]

@@ -219,7 +219,8 @@ impl Source for CloudInput {
 
     /// Where points lie is no matter.
     fn opening(&self, resources: &Resources) -> Result<Opening> {
-        let anywhere = Self { bounds: None, clip: None, ..self.clone() };
+        let mut anywhere = self.clone();
+        (anywhere.bounds, anywhere.clip) = (None, None);
         Ok(Opening::Clouds(Box::new(anywhere.options(resources)?)))
     }
 

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use terrane_jobs::operation::Job;
+use terrane_jobs::operation::{Has, Job};
 use terrane_jobs::options::GridInput;
 use terrane_jobs::tin::TinOptions;
 use terrane_jobs::verify::{MeshProof, Written};
+use terrane_options::Options;
 use terrane_raster::Inputs;
 
 /// Bands of a grid, in one file or many, that are to share one mesh: what [`open_bands`] names. Nothing is read of
@@ -76,18 +77,30 @@ impl BandGrid {
     /// # }
     /// ```
     pub fn tin(&self) -> Job<'_, TinOptions> {
-        let grid = GridInput { band: self.heights, ..self.reading.clone() };
-        let (bands, weights) = (self.bands.clone(), self.weights.clone());
-        let options = TinOptions { grid, bands, weights, ..TinOptions::default() };
-        Job::new(self.inputs.clone(), options)
+        Job::new(
+            self.inputs.clone(),
+            self.options(|own: &mut TinOptions| (&mut own.bands, &mut own.weights)),
+        )
     }
 
     /// The proof of a mesh in a file against these bands, each of its channels and its heights.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, Written> {
-        let grid = GridInput { band: self.heights, ..self.reading.clone() };
-        let (bands, weights) = (self.bands.clone(), self.weights.clone());
-        let options = MeshProof { grid, bands, weights, ..MeshProof::default() };
-        let (file, original) = (mesh.as_ref().to_path_buf(), self.inputs.clone());
-        Job::new(Written { file, original }, options)
+        let written = Written { file: mesh.as_ref().to_path_buf(), original: self.inputs.clone() };
+        Job::new(written, self.options(|own: &mut MeshProof| (&mut own.bands, &mut own.weights)))
+    }
+
+    /// Options for these bands, which `of` are in.
+    fn options<O: Options + Has<GridInput>>(
+        &self,
+        of: impl FnOnce(&mut O) -> (&mut Vec<u32>, &mut Vec<f64>),
+    ) -> O {
+        let mut options = O::default();
+        let reading = options.part_mut();
+        reading.clone_from(&self.reading);
+        reading.band = self.heights;
+        let (bands, weights) = of(&mut options);
+        bands.clone_from(&self.bands);
+        weights.clone_from(&self.weights);
+        options
     }
 }

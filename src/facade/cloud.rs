@@ -12,13 +12,13 @@ use terrane_jobs::Resources;
 use terrane_jobs::cloud_tin::CloudTinOptions;
 use terrane_jobs::grid::GridOptions;
 use terrane_jobs::info::CloudInfoOptions;
-use terrane_jobs::operation::{Job, Operation};
+use terrane_jobs::operation::{Has, Job};
 use terrane_jobs::options::CloudInput;
 use terrane_jobs::page::CloudPageOptions;
-use terrane_jobs::tiles::{CloudTilesOptions, ModelOptions};
+use terrane_jobs::tiles::CloudTilesOptions;
 use terrane_jobs::translate::PointsOptions;
 use terrane_jobs::verify::{CloudMeshProof, CloudTilesProof, Proof, Written};
-use terrane_options::changed;
+use terrane_options::{Options, changed};
 use terrane_raster::Inputs;
 
 use super::Data;
@@ -62,11 +62,10 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
 /// # fn main() -> terrane::Result<()> {
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let [las, text] = ["points.las", "points.xyz"].map(|name| folder.path().join(name));
-/// use terrane::{CloudInput, PointFilter};
 /// std::fs::write(&text, "10 0 1\n20 5 3\n").unwrap();
 /// let text = format!("cloud:{}", text.display());
-/// let points = PointFilter { crs: Some("EPSG:32631".to_owned()), ..PointFilter::default() };
-/// let reading = CloudInput { points, ..CloudInput::default() };
+/// let mut reading = terrane::CloudInput::default();
+/// reading.points.crs = Some("EPSG:32631".to_owned());
 /// terrane::open_cloud_as(text.as_str(), reading.clone())?.points().write(&las)?;
 /// let both = || vec![las.display().to_string(), text.clone()];
 /// assert!(terrane::open_cloud(both()).is_err());
@@ -119,11 +118,10 @@ impl Cloud {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
-    /// use terrane::{CloudInput, PointFilter};
     /// let cloud = terrane::open_cloud("synth:cloud,size=50,density=2,seed=7")?;
-    /// let condition = Some("classification = 2 and intensity > 100".parse().unwrap());
-    /// let points = PointFilter { condition, ..PointFilter::default() };
-    /// let strong = cloud.read_as(CloudInput { points, ..CloudInput::default() })?;
+    /// let mut reading = terrane::CloudInput::default();
+    /// reading.points.condition = Some("classification = 2 and intensity > 100".parse().unwrap());
+    /// let strong = cloud.read_as(reading)?;
     /// # let _ = strong;
     /// # Ok(())
     /// # }
@@ -153,8 +151,8 @@ impl Cloud {
     /// # }
     /// ```
     pub fn clip(self, polygons: impl AsRef<Path>) -> Result<Self> {
-        let clip = Some(name_of(polygons.as_ref().to_path_buf())?);
-        let reading = CloudInput { clip, ..self.reading.clone() };
+        let mut reading = self.reading.clone();
+        reading.clip = Some(name_of(polygons.as_ref().to_path_buf())?);
         self.read_as(reading)
     }
 
@@ -163,7 +161,8 @@ impl Cloud {
     /// # Errors
     /// As [`read_as`](Self::read_as).
     pub fn bounds(self, bounds: [f64; 4]) -> Result<Self> {
-        let reading = CloudInput { bounds: Some(bounds), ..self.reading.clone() };
+        let mut reading = self.reading.clone();
+        reading.bounds = Some(bounds);
         self.read_as(reading)
     }
 
@@ -195,7 +194,7 @@ impl Cloud {
     /// # }
     /// ```
     pub fn tin(&self) -> Job<'_, CloudTinOptions> {
-        self.job(CloudTinOptions { cloud: self.reading.clone(), ..CloudTinOptions::default() })
+        self.job(|_| {})
     }
 
     /// A grid of it, with square cells of this side in units of the reference system: in one pass over the points, each band
@@ -221,7 +220,7 @@ impl Cloud {
     /// ```
     pub fn grid(&self, cell: impl Into<Option<f64>>) -> Job<'_, GridOptions> {
         let cell = cell.into().map(|side| [side; 2]);
-        self.job(GridOptions { cell, cloud: self.reading.clone(), ..GridOptions::default() })
+        self.job(|options: &mut GridOptions| options.cell = cell)
     }
 
     /// Its points in files of points, with all that is known of them: one file, LAS, LAZ, COPC or text by the name's ending
@@ -247,11 +246,22 @@ impl Cloud {
     /// # }
     /// ```
     pub fn points(&self) -> Job<'_, PointsOptions> {
-        self.job(PointsOptions { cloud: self.reading.clone(), ..PointsOptions::default() })
+        self.job(|_| {})
     }
 
-    fn job<O: Operation>(&self, options: O) -> Job<'_, O> {
-        Job::new(Inputs::from(self.inputs.clone()), options)
+    /// A job on it whose options are its reading, and what `change` makes of them.
+    fn job<O: Options + Has<CloudInput> + Has<Resources>>(
+        &self,
+        change: impl FnOnce(&mut O),
+    ) -> Job<'_, O> {
+        Job::new(Data::inputs(self), self.options(change))
+    }
+
+    fn options<O: Options + Has<CloudInput>>(&self, change: impl FnOnce(&mut O)) -> O {
+        let mut options = O::default();
+        *options.part_mut() = self.reading.clone();
+        change(&mut options);
+        options
     }
 
     /// A page of it for a browser: one file that holds so many of its [points](Job::points) and what is known of them.
@@ -270,15 +280,13 @@ impl Cloud {
     /// # }
     /// ```
     pub fn page(&self) -> Job<'_, CloudPageOptions> {
-        self.job(CloudPageOptions { cloud: self.reading.clone(), ..CloudPageOptions::default() })
+        self.job(|_| {})
     }
 
     /// What is known of it, by its headers, or by [all of its points](Job::stats); with a [picture](Job::picture) of it from
     /// above.
     pub fn inspect(&self) -> Job<'_, CloudInfoOptions> {
-        let options =
-            CloudInfoOptions { cloud: self.reading.clone(), ..CloudInfoOptions::default() };
-        Job::new(Inputs::from(self.inputs.clone()), options)
+        self.job(|_| {})
     }
 
     /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](Job::dtm)) with square cells of this side, in units
@@ -297,27 +305,23 @@ impl Cloud {
     /// ```
     pub fn tiles(&self, cell: impl Into<Option<f64>>) -> Job<'_, CloudTilesOptions> {
         let cell = cell.into().map(|side| [side; 2]);
-        let model = ModelOptions { cell, ..ModelOptions::default() };
-        let cloud = self.reading.clone();
-        self.job(CloudTilesOptions { model, cloud, ..CloudTilesOptions::default() })
+        self.job(|options: &mut CloudTilesOptions| options.model.cell = cell)
     }
 
     /// The proof of a mesh in a file against this cloud.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, CloudMeshProof, Written> {
-        let cloud = self.reading.clone();
-        self.proof(mesh.as_ref(), CloudMeshProof { cloud, ..CloudMeshProof::default() })
+        self.proof(mesh.as_ref())
     }
 
     /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](Job::cell) and
     /// [ground](Job::ground) as they were when the tiles were made.
     pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, Written> {
-        let cloud = self.reading.clone();
-        self.proof(tiles.as_ref(), CloudTilesProof { cloud, ..CloudTilesProof::default() })
+        self.proof(tiles.as_ref())
     }
 
-    fn proof<O: Proof>(&self, file: &Path, options: O) -> Job<'_, O, Written> {
-        let (file, original) = (file.to_path_buf(), Inputs::from(self.inputs.clone()));
-        Job::new(Written { file, original }, options)
+    fn proof<O: Proof + Has<CloudInput>>(&self, file: &Path) -> Job<'_, O, Written> {
+        let written = Written { file: file.to_path_buf(), original: Data::inputs(self) };
+        Job::new(written, self.options(|_| {}))
     }
 }
 

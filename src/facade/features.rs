@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
+use terrane_jobs::Resources;
 use terrane_jobs::info::FeaturesInfoOptions;
 use terrane_jobs::line::LineOptions;
-use terrane_jobs::operation::Job;
+use terrane_jobs::operation::{Has, Job};
 use terrane_jobs::options::FeatureInput;
 use terrane_jobs::page::LinePageOptions;
 use terrane_jobs::verify::{LineProof, Written};
-use terrane_options::to_map;
+use terrane_options::{Options, to_map};
 use terrane_raster::Inputs;
 use terrane_vector::{self as vector, OpenOptions};
 
@@ -60,7 +61,7 @@ impl Features {
 
     /// Simpler lines and rings; heights, measures, ids and properties are carried.
     pub fn simplify(&self) -> Job<'_, LineOptions> {
-        Job::new(self.inputs(), LineOptions { features: self.input(), ..LineOptions::default() })
+        self.job()
     }
 
     /// A page of its lines and rings for a browser, with all of their simplifications.
@@ -77,24 +78,29 @@ impl Features {
     /// # }
     /// ```
     pub fn page(&self) -> Job<'_, LinePageOptions> {
-        Job::new(self.inputs(), LinePageOptions { features: self.input(), ..Default::default() })
+        self.job()
     }
 
     /// What they are: kinds of geometry, fields, heights, bounds. All of them are read.
     pub fn inspect(&self) -> Job<'_, FeaturesInfoOptions> {
-        let options = FeaturesInfoOptions { features: self.input(), ..Default::default() };
-        Job::new(self.inputs(), options)
+        self.job()
     }
 
-    fn input(&self) -> FeatureInput {
-        FeatureInput { layer: self.layer.clone() }
+    fn job<O: Options + Has<FeatureInput> + Has<Resources>>(&self) -> Job<'_, O> {
+        Job::new(self.inputs(), self.options())
+    }
+
+    /// Options for the reading of these.
+    fn options<O: Options + Has<FeatureInput>>(&self) -> O {
+        let mut options = O::default();
+        options.part_mut().layer.clone_from(&self.layer);
+        options
     }
 
     /// The proof of simplified lines in a file against these.
     pub fn verify(&self, lines: impl AsRef<Path>) -> Job<'_, LineProof, Written> {
-        let (features, original) = (self.input(), self.inputs());
-        let file = lines.as_ref().to_path_buf();
-        Job::new(Written { file, original }, LineProof { features, ..LineProof::default() })
+        let (file, original) = (lines.as_ref().to_path_buf(), self.inputs());
+        Job::new(Written { file, original }, self.options())
     }
 }
 
@@ -104,6 +110,6 @@ impl Data for Features {
     }
 
     fn reading(&self) -> Map<String, Json> {
-        to_map(&self.input())
+        to_map(&self.options::<LinePageOptions>().features)
     }
 }

@@ -11,7 +11,7 @@ use terrane_jobs::colours::ColorReliefOptions;
 use terrane_jobs::contour::ContourOptions;
 use terrane_jobs::convert::ConvertOptions;
 use terrane_jobs::info::GridInfoOptions;
-use terrane_jobs::operation::{Has, Job, Operation};
+use terrane_jobs::operation::{Has, Job};
 use terrane_jobs::options::GridInput;
 use terrane_jobs::page::PageOptions;
 use terrane_jobs::relief::{
@@ -23,7 +23,7 @@ use terrane_jobs::tin::TinOptions;
 use terrane_jobs::verify::{MeshProof, Proof, TilesProof, Written};
 use terrane_jobs::view::PictureOptions;
 use terrane_jobs::{Resources, memory};
-use terrane_options::to_map;
+use terrane_options::{Options, to_map};
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
 };
@@ -108,8 +108,9 @@ impl Grid {
     }
 
     /// The same, read otherwise.
-    fn read_as(self, reading: GridInput) -> Result<Self> {
-        let Self { inputs, held, .. } = self;
+    fn read_as(self, change: impl FnOnce(&mut GridInput)) -> Result<Self> {
+        let Self { inputs, held, mut reading, .. } = self;
+        change(&mut reading);
         Ok(Self { held, ..Self::open(inputs, reading)? })
     }
 
@@ -118,8 +119,7 @@ impl Grid {
     /// # Errors
     /// A band there is not.
     pub fn band(self, band: u32) -> Result<Self> {
-        let reading = GridInput { band: Some(band), ..self.reading.clone() };
-        self.read_as(reading)
+        self.read_as(|reading| reading.band = Some(band))
     }
 
     /// The same, with this stored value for voids instead of the files' own.
@@ -127,8 +127,7 @@ impl Grid {
     /// # Errors
     /// As [`open`].
     pub fn nodata(self, value: f64) -> Result<Self> {
-        let reading = GridInput { nodata: Some(value), ..self.reading.clone() };
-        self.read_as(reading)
+        self.read_as(|reading| reading.nodata = Some(value))
     }
 
     /// The part of it whose cells (the square around each sample) the box (x low, y low, x high, y high) overlaps.
@@ -144,8 +143,7 @@ impl Grid {
     /// # }
     /// ```
     pub fn bounds(self, bounds: [f64; 4]) -> Result<Self> {
-        let reading = GridInput { bounds: Some(bounds), ..self.reading.clone() };
-        self.read_as(reading)
+        self.read_as(|reading| reading.bounds = Some(bounds))
     }
 
     /// The same, clipped to the polygons of a file of features: samples outside of all of them are voids.
@@ -168,9 +166,8 @@ impl Grid {
     /// # }
     /// ```
     pub fn clip(self, polygons: impl AsRef<Path>) -> Result<Self> {
-        let clip = Some(name_of(polygons.as_ref().to_path_buf())?);
-        let reading = GridInput { clip, ..self.reading.clone() };
-        self.read_as(reading)
+        let clip = name_of(polygons.as_ref().to_path_buf())?;
+        self.read_as(|reading| reading.clip = Some(clip))
     }
 
     /// The same with level water: the polygons of a file of features are lakes, as high as their lowest bank, and
@@ -194,9 +191,8 @@ impl Grid {
     /// # }
     /// ```
     pub fn water(self, file: impl AsRef<Path>) -> Result<Self> {
-        let water = Some(name_of(file.as_ref().to_path_buf())?);
-        let reading = GridInput { water, ..self.reading.clone() };
-        self.read_as(reading)
+        let water = name_of(file.as_ref().to_path_buf())?;
+        self.read_as(|reading| reading.water = Some(water))
     }
 
     /// Size, place, reference system and storage.
@@ -367,10 +363,8 @@ impl Grid {
     }
 
     /// An operation on it.
-    fn job<O: Operation + Has<GridInput>>(&self) -> Job<'_, O> {
-        let mut options = O::default();
-        *options.part_mut() = self.reading.clone();
-        Job::new(self.inputs.clone(), options)
+    fn job<O: Options + Has<GridInput> + Has<Resources>>(&self) -> Job<'_, O> {
+        Job::new(self.inputs.clone(), self.options())
     }
 
     /// A picture of it from above, as shaded relief: PNG, within so many columns.
@@ -408,8 +402,7 @@ impl Grid {
     /// # }
     /// ```
     pub fn inspect(&self) -> Job<'_, GridInfoOptions> {
-        let (grid, options) = (self.reading.clone(), GridInfoOptions::default());
-        Job::new(self.inputs.clone(), GridInfoOptions { grid, ..options })
+        self.job()
     }
 
     /// Tiles of it for viewers of the globe, in any system, at every level of detail: quantized-mesh 1.0, 3D Tiles 1.1, or
@@ -458,10 +451,15 @@ impl Grid {
     }
 
     fn proof<O: Proof + Has<GridInput>>(&self, file: &Path) -> Job<'_, O, Written> {
+        let written = Written { file: file.to_path_buf(), original: self.inputs.clone() };
+        Job::new(written, self.options())
+    }
+
+    /// Options for the reading of it.
+    fn options<O: Options + Has<GridInput>>(&self) -> O {
         let mut options = O::default();
         *options.part_mut() = self.reading.clone();
-        let (file, original) = (file.to_path_buf(), self.inputs.clone());
-        Job::new(Written { file, original }, options)
+        options
     }
 }
 

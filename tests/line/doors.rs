@@ -365,7 +365,8 @@ fn contours_do_not_cross_as_they_are_rounded() {
     let head = "ncols 40\nnrows 40\nxllcorner 0\nyllcorner 0\ncellsize 1\n";
     std::fs::write(path("a.asc"), head.to_owned() + &rows.collect::<String>()).unwrap();
     let interval = Some(1.0);
-    let options = ContourOptions { interval, resources: resources(), ..ContourOptions::default() };
+    let mut options = ContourOptions::default();
+    (options.interval, options.resources) = (interval, resources());
     let input = path("a.asc").to_str().unwrap().into();
     let job = ContourJob { input, output: path("a.geojson"), options };
     contour::run(&job, &Silent, &Cancel::default()).unwrap();

@@ -5,7 +5,7 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::{Bound, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_jobs::figures::Figures;
-use terrane_jobs::verify::{Asked, OfGrid, VerifyReport, verify};
+use terrane_jobs::verify::{Asked, VerifyReport, verify};
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};
@@ -207,10 +207,8 @@ pub(crate) fn check(mesh: &Mesh, grid: &Grid, tolerance: Option<f64>) -> VerifyR
 }
 
 /// The findings alone, without the figures of the run.
-pub(crate) fn findings(report: VerifyReport) -> VerifyReport {
-    VerifyReport {
-        of: OfGrid { samples_per_second: 0.0, ..report.of },
-        run: Figures::default(),
-        ..report
-    }
+pub(crate) fn findings(mut report: VerifyReport) -> VerifyReport {
+    report.of.samples_per_second = 0.0;
+    report.run = Figures::default();
+    report
 }

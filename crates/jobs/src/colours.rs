@@ -33,6 +33,7 @@ const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 + (2 << 20);
 /// and .prj beside it.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct ColorReliefOptions {
     /// File of colours
     #[option(value = "COLORS", with = FileName, role = Reads, positional)]

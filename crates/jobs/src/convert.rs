@@ -38,12 +38,13 @@ use terrane_resample::RESAMPLINGS;
 
 /// Copy a grid, or a part of it, into a file of another format
 ///
-/// A .tif is a store (an uncompressed tiled BigTIFF that is mapped into memory and read fast) unless the format COG or GTiff
-/// is asked for. Samples are written exactly or not at all: a height that the type does not hold is an error that names its
+/// A .tif is a plain GeoTIFF unless COG is asked for, or store: an uncompressed tiled BigTIFF that terrane maps into memory
+/// and reads fast. Samples are written exactly or not at all: a height that the type does not hold is an error that names its
 /// place, unless ‹round› allows the nearest value. Samples stay where they are unless ‹resampling› says how they are to be
 /// found elsewhere: in another reference system, at another distance, or where those of another grid are.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct ConvertOptions {
     /// The output file.
     #[option(flatten)]
@@ -169,6 +170,7 @@ impl ConvertJob {
 /// What a grid-to-grid job did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct ConvertReport {
     pub input: String,
     pub output: String,

@@ -8,6 +8,7 @@ use crate::{Resources, peak_memory};
 
 /// What a run was allowed and what it took.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Figures {
     /// Threads used.
     pub threads: usize,

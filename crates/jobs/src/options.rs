@@ -30,6 +30,7 @@ use terrane_cloud::{Condition, Filter, Flags, OpenOptions};
 /// How a grid is read
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
+#[non_exhaustive]
 pub struct GridInput {
     /// Band to read, from 1
     #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), default_text = "1")]
@@ -65,6 +66,7 @@ impl GridInput {
 /// Which points are read, and how
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Points", setters = group)]
+#[non_exhaustive]
 pub struct PointFilter {
     /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
     #[option(value = "CODES", alias = "classes")]
@@ -98,6 +100,7 @@ pub struct PointFilter {
 /// How clouds are read
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Points", setters = group, setters_for(GridOptions, PointsOptions, CloudTilesOptions, CloudTinOptions, CloudMeshProof, CloudTilesProof))]
+#[non_exhaustive]
 pub struct CloudInput {
     /// Only points within this box, its borders included
     #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds)]
@@ -139,6 +142,7 @@ impl CloudInput {
 /// How features are read
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(setters = group)]
+#[non_exhaustive]
 pub struct FeatureInput {
     /// The object of TopoJSON files to read
     #[option(value = "NAME", default_text = "their first")]

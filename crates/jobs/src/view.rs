@@ -49,6 +49,7 @@ pub struct ViewJob {
 /// What was drawn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct ViewReport {
     pub input: String,
     pub output: String,

@@ -10,7 +10,7 @@ use crate::atomic;
 use crate::cli::shared::{Outcome, report, say, text};
 use crate::error::{Error, Result};
 use crate::jobs::convert;
-use crate::jobs::tin::{Goal, Refinement, Textbook, TinJob};
+use crate::jobs::tin::{Goal, Textbook, TinJob};
 use crate::jobs::verify::Verdict;
 use crate::jobs::view::{Panel, SheetJob, run_sheet};
 use crate::jobs::{self, Cancel, Progress, Resources};
@@ -84,9 +84,9 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = progress.as_ref();
     let copied = convert::run(&terrain(TERRAIN, &grid, &resources), progress, cancel)?;
     let made = |way: &Way| {
-        let job = mesh(&grid, &folder.join(way.file), &resources)?;
-        let refinement = Refinement { fit: way.fit, ..job.refinement };
-        let job = TinJob { goal: Goal::MaxError(TOLERANCE), refinement, ..job };
+        let mut job = mesh(&grid, &folder.join(way.file), &resources)?;
+        job.refinement.fit = way.fit;
+        let job = TinJob { goal: Goal::MaxError(TOLERANCE), ..job };
         row(way, &job, progress, cancel)
     };
     let methods = WAYS.iter().map(made).collect::<Result<Vec<Row>>>()?;

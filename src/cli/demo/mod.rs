@@ -12,7 +12,6 @@ use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
-use crate::jobs::options::Replacing;
 use crate::jobs::tin::{Goal, TinJob, TinReport};
 use crate::jobs::verify::{VerifyJob, VerifyReport};
 use crate::jobs::view::{PictureOptions, ViewJob};
@@ -119,16 +118,12 @@ fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
 }
 
 fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
-    ViewJob {
-        input: mesh.to_string_lossy().into_owned().into(),
-        output: picture.to_owned(),
-        options: PictureOptions {
-            edges: true,
-            replacing: Replacing { overwrite: true },
-            resources: resources.clone(),
-            ..PictureOptions::default()
-        },
-    }
+    let mut options = PictureOptions::default();
+    options.edges = true;
+    options.replacing.overwrite = true;
+    options.resources = resources.clone();
+    let input = mesh.to_string_lossy().into_owned().into();
+    ViewJob { input, output: picture.to_owned(), options }
 }
 
 fn name_of(path: &Path) -> Result<String> {

@@ -70,33 +70,30 @@ fn samples(r: &TinReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::figures::Figures;
     use crate::jobs::placing::Placed;
 
     #[test]
     fn a_summary_tells_counts_errors_and_time() {
-        let report = TinReport {
-            input: "a.tif".into(),
-            output: "a.ply".into(),
-            format: "PLY".into(),
-            width: 1201,
-            height: 643,
-            vertical_unit: "metre".into(),
-            tolerance: 5.0,
-            max_error: Some(4.998046875),
-            samples: 772_243,
-            valid_samples: 772_000,
-            isolated_samples: 2,
-            vertices: 12_345,
-            kept: 0.016,
-            samples_per_second: 12.3e6,
-            placed: Some(Placed::default()),
-            suspected_nodata: Some(-1.0),
-            suspected_samples: Some(7),
-            run: Figures { threads: 2, peak_memory: Some(1 << 20), ..Figures::default() },
-            notes: vec!["first".into(), "second".into()],
-            ..TinReport::default()
-        };
+        let mut report = TinReport::default();
+        report.input = "a.tif".into();
+        report.output = "a.ply".into();
+        report.format = "PLY".into();
+        report.width = 1201;
+        report.height = 643;
+        report.vertical_unit = "metre".into();
+        report.tolerance = 5.0;
+        report.max_error = Some(4.998046875);
+        report.samples = 772_243;
+        report.valid_samples = 772_000;
+        report.isolated_samples = 2;
+        report.vertices = 12_345;
+        report.kept = 0.016;
+        report.samples_per_second = 12.3e6;
+        report.placed = Some(Placed::default());
+        report.suspected_nodata = Some(-1.0);
+        report.suspected_samples = Some(7);
+        (report.run.threads, report.run.peak_memory) = (2, Some(1 << 20));
+        report.notes = vec!["first".into(), "second".into()];
         let text = summary(&report);
         for part in [
             "1,201 x 643",

@@ -102,27 +102,24 @@ impl Args {
             refuse_proof(&options)?;
         }
         let made = make(&mut options, &self.frame(), call)?;
-        let proof = MeshProof {
-            max_error: Some(made.report.tolerance),
-            constraints: options.refinement.constraints.clone(),
-            grid: options.grid.clone(),
-            bands: options.bands.clone(),
-            weights: options.weights.clone(),
-            resources: options.resources.clone(),
-            ..MeshProof::default()
-        };
+        let mut proof = MeshProof::default();
+        proof.max_error = Some(made.report.tolerance);
+        proof.constraints = options.refinement.constraints.clone();
+        proof.grid = options.grid.clone();
+        proof.bands = options.bands.clone();
+        proof.weights = options.weights.clone();
+        proof.resources = options.resources.clone();
         self.tell((&options, &made), &proof, verify::summary, call)
     }
 
     fn of_cloud(&self, call: &Call<'_>) -> Result<Outcome> {
         let mut options: CloudTinOptions = self.options.of(&self.input[0])?;
         let made = make(&mut options, &self.frame(), call)?;
-        let proof = CloudMeshProof {
-            max_error: Some(made.report.tolerance),
-            constraints: options.constraints.clone(),
-            cloud: options.cloud.clone(),
-            resources: options.resources.clone(),
-        };
+        let mut proof = CloudMeshProof::default();
+        proof.max_error = Some(made.report.tolerance);
+        proof.constraints = options.constraints.clone();
+        proof.cloud = options.cloud.clone();
+        proof.resources = options.resources.clone();
         self.tell((&options, &made), &proof, verify::cloud::summary, call)
     }
 

@@ -83,7 +83,8 @@ impl Heights {
 pub fn job(input: &str, output: &Path, interval: f64, tile: u32, threads: usize) -> ContourJob {
     let resources = Resources { threads, memory: 256 << 20, temp_dir: None };
     let interval = Some(interval);
-    let options = ContourOptions { interval, tile, resources, ..ContourOptions::default() };
+    let mut options = ContourOptions::default();
+    (options.interval, options.tile, options.resources) = (interval, tile, resources);
     ContourJob { input: input.into(), output: output.into(), options }
 }
 

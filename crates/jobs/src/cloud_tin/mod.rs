@@ -135,6 +135,7 @@ impl CloudTinJob {
 /// What a cloud-to-TIN job did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct CloudTinReport {
     pub input: String,
     pub output: String,

@@ -20,6 +20,7 @@ use terrane_raster::Inputs;
 /// The mesh is the Delaunay triangulation of some of the points, and of posts on breaklines.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct CloudTinOptions {
     /// Largest vertical distance of any point from the mesh, in the vertical unit of the data; 0 keeps all points
     #[option(value = "E", range = Range::FROM_ZERO, heading = "Target")]

@@ -60,6 +60,7 @@ const TILE_CELLS: [f64; 2] = [16.0, 8192.0];
 /// cross nor touch afterwards. The file is the same for any number of threads and any memory.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct ContourOptions {
     /// Lines at all multiples of this height, in the vertical unit of the data
     #[option(short = 'i', alias = "every", value = "HEIGHT", range = Range::POSITIVE, heading = "Levels")]
@@ -169,6 +170,7 @@ impl ContourJob {
 /// What was made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct ContourReport {
     pub input: String,
     pub output: String,

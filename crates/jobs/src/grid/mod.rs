@@ -145,14 +145,7 @@ impl GridJob {
 
     /// The format to write.
     pub fn format(&self) -> Result<&'static GridFormat> {
-        let usual = self.is_plain_tiff().then_some(PLAIN);
-        write::by_path(&self.output, self.format.as_deref().or(usual))
-    }
-
-    /// True for a `.tif` of no format in particular.
-    fn is_plain_tiff(&self) -> bool {
-        let ending = self.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        self.format.is_none() && matches!(ending.as_str(), "tif" | "tiff")
+        write::by_path(&self.output, self.format.as_deref())
     }
 
     /// The creation options: a GeoTIFF is tiled unless it is to be in strips, for tiles are what
@@ -160,7 +153,7 @@ impl GridJob {
     fn creation(&self) -> Vec<(String, String)> {
         let mut creation = self.creation.clone();
         let given = creation.iter().any(|(key, _)| key.eq_ignore_ascii_case("TILED"));
-        if !given && self.format().is_ok_and(|format| format.name == PLAIN) {
+        if !given && self.format().is_ok_and(|format| format.name == "GTiff") {
             creation.push(("TILED".to_owned(), "YES".to_owned()));
         }
         creation
@@ -277,9 +270,6 @@ impl GridJob {
         terrane_files::atomic::refuse_existing(&self.output, self.overwrite)
     }
 }
-
-/// The format of a `.tif` unless another is named.
-const PLAIN: &str = "GTiff";
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 ///

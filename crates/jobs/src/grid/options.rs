@@ -22,6 +22,7 @@ use terrane_raster::{Inputs, SampleType};
 /// points and files, any number of threads and any memory. A .tif is a GeoTIFF in tiles.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct GridOptions {
     /// Statistics, a band for each, such as mean,max,p95,idw:radius=2,power=1
     #[option(value = "LIST", with = StatisticList, default_text = "mean")]

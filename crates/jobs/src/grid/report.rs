@@ -12,6 +12,7 @@ use terrane_raster::WaterReport;
 /// What a cloud-to-grid job did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct GridReport {
     pub input: String,
     pub output: String,

@@ -10,6 +10,7 @@ use terrane_cloud::{Cloud, PointSource};
 /// What is known of a cloud.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct CloudInfoReport {
     pub file: String,
     pub format: &'static str,

@@ -9,6 +9,7 @@ use terrane_vector::Kind;
 /// What is known of a file of features.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct FeaturesInfoReport {
     pub file: String,
     pub format: &'static str,

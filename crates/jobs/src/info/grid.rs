@@ -10,6 +10,7 @@ use terrane_raster::{GridInfo, Note, notes, notes_on_heights};
 /// What is known of a grid.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct GridInfoReport {
     pub file: String,
     pub format: &'static str,

@@ -10,6 +10,7 @@ use terrane_mesh::MeshSource;
 /// What is known of a mesh.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct MeshInfoReport {
     pub file: String,
     pub format: &'static str,

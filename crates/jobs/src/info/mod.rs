@@ -72,6 +72,7 @@ impl<O: Inspection> Job<'_, O> {
 /// Tell what a grid is, what is odd about it, and what a TIN of it would take
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct GridInfoOptions {
     /// Read all samples: share of valid ones, lowest, highest and mean height
     pub stats: bool,
@@ -86,6 +87,7 @@ pub struct GridInfoOptions {
 /// Tell what a mesh is
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_MESHES)]
+#[non_exhaustive]
 pub struct MeshInfoOptions {
     /// Read all triangles: angles, aspect ratios, degrees, lengths of edges, share of edges that are locally Delaunay in x
     /// and y
@@ -113,6 +115,7 @@ const OF_MESHES: &[Rule] = &[
 /// Tell what a point cloud is
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_CLOUDS)]
+#[non_exhaustive]
 pub struct CloudInfoOptions {
     /// Read all points: counts by class and return, bounds found, a histogram of heights (in any case where some are chosen,
     /// as by ‹class›)
@@ -151,6 +154,7 @@ const OF_CLOUDS: &[Rule] = &[
 /// Tell what a file of features is: all of it is read
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct FeaturesInfoOptions {
     /// How the features are read.
     #[option(flatten)]

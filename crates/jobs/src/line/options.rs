@@ -20,6 +20,7 @@ use terrane_line::{METHODS, Method};
 /// that did not, and no ring turns over or changes sides.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct LineOptions {
     /// Largest distance of a vertex from the segment in its place, in units of the data, or with a unit: 100m, 2km, 50ft
     /// (of longitudes and latitudes on the ellipsoid)

@@ -24,6 +24,7 @@ pub struct HierarchyReport {
 /// What a simplification did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct LineReport {
     pub inputs: Vec<String>,
     pub outputs: Vec<String>,

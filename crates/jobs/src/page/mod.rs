@@ -82,6 +82,7 @@ impl Look {
 /// What is on a page.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct PageReport {
     pub input: String,
     pub output: String,

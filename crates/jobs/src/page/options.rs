@@ -21,6 +21,7 @@ use terrane_raster::Inputs;
 /// Make a page of a grid or a mesh for a browser: one HTML file that holds all it shows and loads nothing
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_SURFACES)]
+#[non_exhaustive]
 pub struct PageOptions {
     /// Grid whose samples a mesh is compared with: every triangle gets its largest error
     #[option(value = "GRID", with = FileName, role = ReadsGrid)]
@@ -52,6 +53,7 @@ const OF_SURFACES: &[Rule] = &[Rule::NotWith("insertion", &["against", "edges"])
 /// Make a page of a point cloud for a browser: one HTML file that holds all it shows and loads nothing
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct CloudPageOptions {
     /// Most points that are shown: of more, some that are chosen evenly
     #[option(value = "N", default = 2_000_000u64, range = Range::new(1.0, MOST_POINTS as f64))]
@@ -74,6 +76,7 @@ pub struct CloudPageOptions {
 /// shows and loads nothing
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct LinePageOptions {
     /// How the lines are read.
     #[option(flatten)]

@@ -11,6 +11,7 @@ use terrane_base::error::Result;
 
 /// A task that is not done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TaskReport {
     /// Its name.
     pub id: String,

@@ -42,6 +42,7 @@ macro_rules! derivative {
 /// The angle to a level plane in degrees, or its tangent in per cent, as 32-bit numbers (-9999 where there is none).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct SlopeOptions {
     /// Gradient algorithm
     #[option(value = "NAME")]
@@ -70,6 +71,7 @@ derivative!(
 /// level ground).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct AspectOptions {
     /// Gradient algorithm
     #[option(value = "NAME")]
@@ -97,6 +99,7 @@ derivative!(
 /// Whole numbers from 1 (dark) to 255; 0 where there is none. In a grid of degrees heights count in metres.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_LIGHT)]
+#[non_exhaustive]
 pub struct HillshadeOptions {
     /// Gradient algorithm
     #[option(value = "NAME")]
@@ -147,6 +150,7 @@ impl HillshadeOptions {
 /// none); above 0 where the ground is convex. The general curvature is the sum of the two others.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct CurvatureOptions {
     /// Which curvature
     #[option(value = "NAME")]
@@ -167,6 +171,7 @@ derivative!(CurvatureOptions, "curvature", |own| own.scale, kernels::Curvature(o
 /// The highest of a sample and its eight neighbours less the lowest, as 32-bit numbers (-9999 where there is none).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct RoughnessOptions {
     /// Options of all derivatives.
     #[option(flatten)]
@@ -180,6 +185,7 @@ derivative!(RoughnessOptions, "roughness", |_own| None, kernels::Roughness);
 /// The height less the mean of the eight around it, as 32-bit numbers (-9999 where there is none).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct TpiOptions {
     /// Options of all derivatives.
     #[option(flatten)]
@@ -193,6 +199,7 @@ derivative!(TpiOptions, "tpi", |_own| None, kernels::Position);
 /// How far heights around a sample are from its own, as 32-bit numbers (-9999 where there is none).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct TriOptions {
     /// The mean of the absolute differences (Wilson et al. 2007), not the root of the sum of squares (Riley et al. 1999)
     pub wilson: bool,

@@ -18,6 +18,7 @@ use terrane_raster::Inputs;
 /// What tiles hold
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Tiles", rules = OF_FORMATS, setters = group, setters_for(TilesOptions, CloudTilesOptions))]
+#[non_exhaustive]
 pub struct TileOptions {
     /// What to write; of several, a folder for each inside of the output
     #[option(short = 'f', value = "FORMAT", default = vec![Format::QuantizedMesh], default_text = "quantized-mesh")]
@@ -76,6 +77,7 @@ const OF_FORMATS: &[Rule] = &[
 /// brought to WGS 84, and none is made up. Heights are taken from the ellipsoid on, or brought there with ‹geoid›.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_WATER)]
+#[non_exhaustive]
 pub struct TilesOptions {
     /// What tiles hold.
     #[option(flatten)]
@@ -99,6 +101,7 @@ pub struct TilesOptions {
 /// The model is the one that terrane grid ‹dtm› makes, and the samples of tiles are those of the model.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_WATER)]
+#[non_exhaustive]
 pub struct CloudTilesOptions {
     /// What tiles hold.
     #[option(flatten)]
@@ -128,6 +131,7 @@ const OF_WATER: &[Rule] = &[Rule::Needs("water_mask", &["water"])];
 /// The model of the ground of a cloud
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Model of the ground", setters = group, setters_for(CloudTilesOptions, CloudTilesProof))]
+#[non_exhaustive]
 pub struct ModelOptions {
     /// Side of a cell of the model of a cloud, or its width and height, in the units of the CRS
     #[option(value = "SIZE", with = CellSize,

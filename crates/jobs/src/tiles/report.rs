@@ -8,6 +8,7 @@ use crate::plan::Written;
 /// What a job that makes tiles did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct TilesReport {
     pub input: String,
     pub output: String,

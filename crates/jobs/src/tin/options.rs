@@ -25,6 +25,7 @@ use terrane_raster::Inputs;
 /// What a mesh has to reach
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Target", setters = group, setters_for(TinOptions), rules = OF_TARGET)]
+#[non_exhaustive]
 pub struct Target {
     /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
     #[option(value = "E", range = Range::FROM_ZERO)]
@@ -58,6 +59,7 @@ impl Target {
 /// Simplify a grid into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct TinOptions {
     /// What it has to reach.
     #[option(flatten)]

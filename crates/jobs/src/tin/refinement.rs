@@ -24,6 +24,7 @@ use terrane_tin::Spec;
 /// What stays in a mesh
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Method", setters = group, setters_for(TinOptions, CloudTinOptions, MeshProof, CloudMeshProof))]
+#[non_exhaustive]
 pub struct Constraints {
     /// Samples or points of a cloud that stay vertices, at their heights: the nearest one to each point of a file of
     /// features, and to each vertex of its lines and polygons, in the system of the grid or cloud
@@ -47,6 +48,7 @@ impl Constraints {
 /// How a mesh of a grid is refined
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Method", setters = group, setters_for(TinOptions), rules = RULES)]
+#[non_exhaustive]
 pub struct Refinement {
     /// Of what the error is promised: of the samples, or of the whole surface: of the lines between neighbouring
     /// samples, too

@@ -29,6 +29,7 @@ pub struct StageReport {
 /// What a grid-to-TIN job did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct TinReport {
     pub input: String,
     pub output: String,

@@ -30,6 +30,7 @@ use terrane_cloud::{LasVersion, OpenOptions, PointFormat};
 /// a folder.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
+#[non_exhaustive]
 pub struct PointsOptions {
     /// Format of the points, 0 to 10
     #[option(value = "N", with = PointFormatNumber, default_text = "the first that holds all fields of all files")]

@@ -10,6 +10,7 @@ use terrane_cloud::Census;
 /// What was written.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct TranslateReport {
     pub input: String,
     pub output: String,

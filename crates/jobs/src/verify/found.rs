@@ -11,6 +11,7 @@ use terrane_proof::{Fault, Position, Tally};
 
 /// What came of a proof, of whatever it is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Verdict {
     /// True when no promise is known to be broken.
     pub passed: bool,
@@ -98,6 +99,7 @@ pub trait Original: Clone + Default + PartialEq + Serialize {
 /// Result of a verification. Heights and errors are in the vertical unit of the original.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(bound = "")]
+#[non_exhaustive]
 pub struct MeshReport<O: Original> {
     /// Mesh file.
     pub mesh: String,

@@ -67,6 +67,7 @@ pub struct LineVerifyJob {
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub struct LineVerifyReport {
     pub lines: String,
     pub original: String,

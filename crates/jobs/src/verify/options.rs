@@ -72,6 +72,7 @@ impl<O: Proof> Job<'_, O, Written> {
 /// Prove a mesh against the grid it was made from
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_MESHES)]
+#[non_exhaustive]
 pub struct MeshProof {
     /// Largest vertical distance allowed
     #[option(value = "E", range = Range::FROM_ZERO, default_text = "the one the mesh file states")]
@@ -109,6 +110,7 @@ const OF_MESHES: &[Rule] = &[
 /// Prove a mesh against the point cloud it was made from
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct CloudMeshProof {
     /// Largest vertical distance allowed
     #[option(value = "E", range = Range::FROM_ZERO, default_text = "the one the mesh file states")]
@@ -127,6 +129,7 @@ pub struct CloudMeshProof {
 /// Prove terrain tiles against the grid they were made from
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct TilesProof {
     /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
     #[option(value = "FILE", with = FileName, role = Reads)]
@@ -142,6 +145,7 @@ pub struct TilesProof {
 /// Prove terrain tiles against the point cloud they were made from, by way of a model of its ground
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct CloudTilesProof {
     /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
     #[option(value = "FILE", with = FileName, role = Reads)]
@@ -163,6 +167,7 @@ pub struct CloudTilesProof {
 /// Prove simplified lines against the file they were made from
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Lines", setters = own, rules = OF_LINES)]
+#[non_exhaustive]
 pub struct LineProof {
     /// Largest distance allowed, in units of the data, or with a unit: 100m, 2km, 50ft
     #[option(value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, default_text = "only measure it")]

@@ -37,6 +37,7 @@ pub struct Exaggeration {
 /// have colours is drawn in these
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
+#[non_exhaustive]
 pub struct PictureOptions {
     /// Columns of the picture; rows follow from the aspect on the ground
     #[option(value = "PX", default = 1600u32, range = Range::new(1.0, MAX_PICTURE_SIDE as f64))]

@@ -132,6 +132,7 @@ pub struct Water {
 
 /// What became of water.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct WaterReport {
     /// The file it is in.
     pub file: String,

@@ -24,7 +24,7 @@ use terrane_files::{Out, lock, unlocked};
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "GTiff",
     extensions: &["tif", "tiff"],
-    about: "plain GeoTIFF in strips or tiles",
+    about: "plain GeoTIFF in strips or tiles; the default for .tif",
     options: &[
         tiff::COMPRESS,
         tiff::LEVEL,

@@ -40,9 +40,9 @@ use terrane_files::format::{self, Format};
 /// All formats that can be written. A new one is one file and one line here. Where several have an
 /// ending, the first is meant unless another is named.
 pub const FORMATS: &[GridFormat] = &[
-    store::FORMAT,
-    cog::FORMAT,
     geotiff::FORMAT,
+    cog::FORMAT,
+    store::FORMAT,
     asc::FORMAT,
     flt::FORMAT,
     png::FORMAT,
@@ -262,7 +262,7 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
 /// Those of [`by_path`], and a format without colours.
 pub fn of_colours(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     let with = |format: &&GridFormat| format.holds_colours && format.has_extension_of(path);
-    let name = name.or_else(|| FORMATS.iter().rev().find(with).map(|format| format.name));
+    let name = name.or_else(|| FORMATS.iter().find(with).map(|format| format.name));
     let format = by_path(path, name)?;
     format.check_colours().map_err(|e| e.in_file(path))?;
     Ok(format)

@@ -11,7 +11,7 @@ use terrane_base::geom::Rect;
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "store",
     extensions: &["tif", "tiff"],
-    about: "uncompressed tiled BigTIFF that terrane maps into memory; the default for .tif",
+    about: "uncompressed tiled BigTIFF that terrane maps into memory and reads fast",
     options: &[CreationOption {
         key: "BLOCKSIZE",
         accepts: Words(&["256", "512", "1024"]),

@@ -35,6 +35,7 @@ const HIGHEST: f64 = 2e6;
 
 /// What was found. Distances and heights are in metres; tiles are "level/column/row".
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TilesVerifyReport {
     /// The set of tiles.
     pub tiles: String,
