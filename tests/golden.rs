@@ -270,7 +270,7 @@ fn jobs() -> Vec<String> {
         "-f GTiff --co COMPRESS=DEFLATE --co PREDICTOR=3 --co TILED=YES",
         "-f GTiff --co COMPRESS=PACKBITS --type uint16 --round",
         "-f GTiff --co BIGTIFF=YES --type float64",
-        "--co BLOCKSIZE=256 --type int16 --round",
+        "-f store --co BLOCKSIZE=256 --type int16 --round",
         "--bbox 500300,4748600,501000,4749500",
     ] {
         add(format!("convert ../in/rough.tif o.tif {options}"));

@@ -57,7 +57,7 @@ use terrane_options::{Options, Range};
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.
-pub const REVISION: u32 = 16;
+pub const REVISION: u32 = 17;
 
 /// Receives a job's progress; called from several threads.
 pub trait Progress: Sync {
