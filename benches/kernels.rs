@@ -8,7 +8,7 @@ use std::hint::black_box;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use terrane_base::bound::Bound;
 use terrane_base::geom::{Crs, Point3, Rect};
-use terrane_mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, SinkOptions};
+use terrane_mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, Promises, SinkOptions};
 use terrane_synth::{CHARACTERS, Terrain};
 use terrane_tin::{
     Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
@@ -223,7 +223,7 @@ fn header() -> MeshHeader {
         scale: [1.0; 3],
         unit: None,
         bounds,
-        comments: Vec::new(),
+        promises: Promises::default(),
         channels: Vec::new(),
     }
 }

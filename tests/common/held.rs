@@ -8,7 +8,7 @@ use std::path::Path;
 use terrane_base::Error;
 use terrane_base::Result;
 use terrane_base::geom::{Crs, Point3};
-use terrane_mesh::{MeshBatch, MeshFormat, MeshHeader, MeshSource, SinkOptions};
+use terrane_mesh::{MeshBatch, MeshFormat, MeshHeader, MeshSource, Promises, SinkOptions};
 
 /// A mesh held in memory.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +48,7 @@ pub(crate) fn header() -> MeshHeader {
         scale,
         unit: None,
         bounds,
-        comments: vec!["max error 1.5 metre".into()],
+        promises: Promises::parse(["max error 1.5 metre"]).unwrap(),
         channels: Vec::new(),
     }
 }

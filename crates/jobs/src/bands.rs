@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_mesh::ChannelKind;
+use terrane_mesh::{ChannelKind, HeightBand, MaxError, Promises, Stated};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
 
 /// Bands that a mesh keeps, each with a weight. Every sample that is void in one of them is void.
@@ -83,15 +83,14 @@ impl Bands {
         label(&self.list.iter().map(|(band, _)| *band).collect::<Vec<_>>())
     }
 
-    /// What a mesh states of them.
-    pub(crate) fn comments(&self) -> Vec<String> {
-        let weights: Vec<String> = self.list.iter().map(|(_, weight)| weight.to_string()).collect();
-        let heights = self.heights.map_or("none".to_owned(), |band| format!("band {band}"));
-        vec![
-            format!("bands {}", self.label()),
-            format!("weights {}", weights.join(",")),
-            format!("heights {heights}"),
-        ]
+    /// Makes a mesh promise them; their tolerance has no unit.
+    pub(crate) fn promise(&self, promises: &mut Promises, tolerance: f64) {
+        let (bands, weights) = self.list.iter().copied().unzip();
+        promises.max_error = Stated::Value(MaxError { value: tolerance, unit: None });
+        promises.bands = Stated::Value(bands);
+        promises.weights = Stated::Value(weights);
+        let heights = self.heights.map_or(HeightBand::None, HeightBand::Band);
+        promises.heights = Stated::Value(heights);
     }
 
     /// How to open one of them.
@@ -256,10 +255,13 @@ mod tests {
     #[test]
     fn meshes_state_bands_weights_and_heights() {
         let stated = |weights: &[f64], heights| {
-            Bands::new(&[3, 1], weights, heights).unwrap().comments().join("; ")
+            let mut promises = Promises::default();
+            Bands::new(&[3, 1], weights, heights).unwrap().promise(&mut promises, 2.5);
+            promises.to_lines().join("; ")
         };
-        assert_eq!(stated(&[], None), "bands 3,1; weights 1,1; heights none");
-        assert_eq!(stated(&[0.5, 2.0], Some(1)), "bands 3,1; weights 0.5,2; heights band 1");
+        assert_eq!(stated(&[], None), "max error 2.5; bands 3,1; weights 1,1; heights none");
+        let weighted = "max error 2.5; bands 3,1; weights 0.5,2; heights band 1";
+        assert_eq!(stated(&[0.5, 2.0], Some(1)), weighted);
     }
 
     #[test]

@@ -72,6 +72,11 @@ impl Beside {
     }
 }
 
+/// [`label`] of a file as an option names it.
+pub(crate) fn label_of(name: &str) -> String {
+    label(&path_of(name))
+}
+
 /// The name of the same file wherever the process works.
 pub(crate) fn absolute(name: &str) -> Result<String> {
     let path = path_of(name);

@@ -219,9 +219,6 @@ fn check_steps(line: &[[f64; 2]], operation: &Operation) -> Result<()> {
     })
 }
 
-/// What the comment of a mesh begins with that is not in the system of its grid.
-pub(crate) const TRANSFORMED: &str = "transformed from";
-
 /// Takes a mesh to another system as it is written. Triangles stay what they are, and must not turn over.
 pub(crate) struct MovingMesh {
     inner: Box<dyn MeshSink>,

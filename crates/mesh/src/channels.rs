@@ -1,6 +1,6 @@
 //! Numbers that vertices have beside their positions: colours, or the values of bands.
 
-use crate::{FORMATS, MeshFormat};
+use crate::{FORMATS, MeshFormat, Promises};
 use terrane_base::error::{Error, Result};
 
 /// How a channel is stored.
@@ -92,18 +92,14 @@ impl MeshFormat {
 /// What a mesh of several bands states, fact by fact: `info` tells the last comment of a file only.
 const STATED: [&str; 4] = ["max error", "bands", "weights", "heights"];
 
-/// The channels of a mesh and what its comments state of them, as facts.
-pub(crate) fn facts(names: &[String], comments: &[String]) -> Vec<(String, String)> {
+/// The channels of a mesh and what it states of them, as facts.
+pub(crate) fn facts(names: &[String], promises: &Promises) -> Vec<(String, String)> {
     if names.is_empty() {
         return Vec::new();
     }
-    let fact = |key: &&str| {
-        let rest =
-            |comment: &String| comment.strip_prefix(key)?.strip_prefix(' ').map(str::to_owned);
-        Some(((*key).to_owned(), comments.iter().find_map(rest)?))
-    };
-    let channels = ("channels".to_owned(), names.join(", "));
-    std::iter::once(channels).chain(STATED.iter().filter_map(fact)).collect()
+    let stated = promises.statements().filter(|(key, _)| STATED.contains(key));
+    let channels = std::iter::once(("channels", names.join(", ")));
+    channels.chain(stated).map(|(key, text)| (key.to_owned(), text)).collect()
 }
 
 /// Fails unless there is a value for each channel of so many vertices, and each can be stored.

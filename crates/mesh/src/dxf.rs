@@ -287,7 +287,7 @@ impl DxfSource {
 }
 
 fn info(triangles: u64, comments: Vec<String>, (unit, others): (Option<String>, u64)) -> MeshInfo {
-    let crs = comments.iter().find_map(|text| text.strip_prefix(text::CRS)).map(str::to_owned);
+    let crs = text::crs(&comments);
     let others = (others > 0)
         .then(|| ("passed over".to_owned(), format!("{others} entities that are no 3DFACE")));
     let comments = comments.into_iter().map(|text| ("comment".to_owned(), text));

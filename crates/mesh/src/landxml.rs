@@ -83,10 +83,9 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 
 fn head(header: &MeshHeader, unit: &str) -> String {
     const SPACE: &str = "http://www.landxml.org/schema/LandXML-1.2";
-    let comments = text::comments(header);
+    let comments = text::signed(&header.promises);
     let properties = comments
         .iter()
-        .filter(|text| !text.starts_with(text::CRS))
         .map(|text| format!("<Property label=\"comment\" value=\"{}\"/>\n", escaped(text)));
     let wkt = header.crs.to_wkt().map(|text| format!(" ogcWktCode=\"{}\"", escaped(&text)));
     let code = header.crs.epsg.map(|code| format!(" epsgCode=\"{code}\""));

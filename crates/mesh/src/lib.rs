@@ -11,6 +11,7 @@ mod obj;
 mod obj_index;
 mod ply;
 mod ply_header;
+mod promises;
 mod sidecar;
 mod sink;
 mod solid;
@@ -28,8 +29,11 @@ use terrane_base::registry::{Named, offered};
 use terrane_files::format::{self, Format};
 
 pub use channels::{Carries, Channel, ChannelKind, is_colour};
+pub use promises::{
+    Fitted, HeightBand, LeastAngle, MaxError, Promises, Stated, Statement, WrongValue,
+};
 pub use sidecar::{check_prj, prj_path, write_prj};
-pub use text::{is_mark, plain};
+pub use text::plain;
 
 /// Every mesh format. A new one is a file in this folder and a line here. Of two whose endings fit, the first
 /// is meant.
@@ -113,8 +117,8 @@ pub struct MeshHeader {
     /// World bounding box of everything that can come: (min, max), x and y from the grid;
     /// z may be NaN when unknown.
     pub bounds: [Point3; 2],
-    /// Free text lines for the file's comments ("max error 1.5 metre", "source a.tif").
-    pub comments: Vec<String>,
+    /// What the file's comments state.
+    pub promises: Promises,
     /// What vertices have beside their positions.
     pub channels: Vec<Channel>,
 }

@@ -172,7 +172,7 @@ impl ObjSource {
 }
 
 fn info(vertices: u64, triangles: u64, comments: Vec<String>) -> MeshInfo {
-    let crs = comments.iter().find_map(|text| text.strip_prefix(text::CRS)).map(str::to_owned);
+    let crs = text::crs(&comments);
     let details = comments.into_iter().map(|text| ("comment".to_owned(), text)).collect();
     MeshInfo { crs, details, ..MeshInfo::plain(FORMAT.name, vertices, triangles) }
 }

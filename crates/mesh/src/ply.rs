@@ -9,7 +9,7 @@ use crate::sink::{Counts, Encoder, FileSink};
 use crate::text::comments;
 use crate::{
     Carries, Channel, ChannelKind, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo,
-    MeshSink, MeshSource, SinkOptions,
+    MeshSink, MeshSource, Promises, SinkOptions,
 };
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
@@ -156,10 +156,11 @@ impl PlySource {
         let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
         let comments = header.comments.iter().map(|text| ("comment".to_owned(), text.clone()));
         let names: Vec<String> = header.channels.iter().map(|(name, _)| name.clone()).collect();
-        let channels = facts(&names, &header.comments);
+        let promises = Promises::parse(&header.comments).unwrap_or_default();
+        let channels = facts(&names, &promises);
         let info = MeshInfo {
             single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
-            crs: header.crs.clone(),
+            crs: promises.crs.text(),
             details: std::iter::once(encoding).chain(channels).chain(comments).collect(),
             channels: names,
             ..MeshInfo::plain(FORMAT.name, header.vertices.count, header.faces.count)

@@ -2,7 +2,6 @@
 
 use crate::channels::{BAND, COLOURS};
 use crate::input::{Input, Lines};
-use crate::text;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
@@ -114,7 +113,6 @@ pub(super) struct PlyHeader {
     pub(super) length: Field,
     /// The first of its three items; the others follow it.
     pub(super) item: Field,
-    pub(super) crs: Option<String>,
     pub(super) comments: Vec<String>,
 }
 
@@ -196,7 +194,6 @@ impl Parser {
     fn layout(self, input: &Input, start: u64) -> Result<PlyHeader> {
         let big = self.big.ok_or_else(|| input.bad("the header has no format line"))?;
         let nowhere = Field { offset: 0, scalar: Scalar::U8 };
-        let crs = self.comments.iter().find_map(|text| text.strip_prefix(text::CRS));
         let mut header = PlyHeader {
             big,
             vertices: Span::default(),
@@ -205,7 +202,6 @@ impl Parser {
             faces: Span::default(),
             length: nowhere,
             item: nowhere,
-            crs: crs.map(str::to_owned),
             comments: self.comments.clone(),
         };
         header.place(input, &self.elements, start)?;

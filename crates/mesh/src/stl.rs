@@ -10,7 +10,7 @@ use crate::sink::{Counts, Encoder, FileSink};
 use crate::solid::{Base, Edge, Outline, lowered};
 use crate::{
     Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
-    SinkOptions, capacity, text,
+    Promises, SinkOptions, capacity, text,
 };
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
@@ -34,23 +34,18 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 
 const ORIGIN: &str = "terrane origin ";
 const SCALE: &str = " scale ";
-/// What a tolerance begins with, here and in the comments of a mesh; and what that is promised of.
-const BOUND: &str = "max error ";
-const OF: &str = "bound ";
-const FITTED: &str = "fitted ";
-const ANGLE: &str = "min angle ";
-const TRIANGULATION: &str = "triangulation ";
-/// What stands for it in a title, where there is little room.
-const BY: &str = "by ";
-/// And for the longest name: triangles may be any.
+/// The promises that a title has room for, each by the first word of its text, and what they begin with there.
+const STATED: [[&str; 2]; 5] = [
+    ["max error", "max error"],
+    ["bound", "bound"],
+    ["fitted", "fitted"],
+    ["min angle", "min angle"],
+    ["triangulation", "by"],
+];
+/// What stands for the longest name of a triangulation: triangles may be any.
 const ANY: [&str; 2] = ["any", "data-dependent"];
-/// All of them, in the order that they are written in.
-const STATED: [&str; 5] = [BOUND, OF, FITTED, ANGLE, BY];
 /// Words of a title up to the origin's last number: see [`ORIGIN`].
 const PLACE_WORDS: usize = 5;
-/// What a file has to state, the option that it comes from, and what it says.
-const NEEDED: [(&str, &str, &str); 2] =
-    [(FITTED, "‹fit›", "that heights are fitted"), (ANGLE, "‹min_angle›", "the smallest angle")];
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
 const TRIANGLE_BYTES: usize = 50;
@@ -69,7 +64,7 @@ type Corners = [[f32; 3]; 3];
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
     let local = Local::new(header.origin, header.scale)?;
-    let title = title(header.origin, local.scale(), bound(&header.comments).as_deref())?;
+    let title = title(header.origin, local.scale(), &header.promises)?;
     let folder = folder_for(path, options.temp_dir.as_deref());
     let base = options.solid_base.map(|height| Base::new(height, header)).transpose()?;
     let solid = base.map(|base| Solid { base, outline: Outline::new(folder) });
@@ -77,31 +72,34 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, encoder)
 }
 
-/// The bound that comments state, without its unit: "1.5", or "1.5 bound surface fitted heights".
-fn bound(comments: &[String]) -> Option<String> {
-    let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
-    let tolerance = stated.and_then(|rest| rest.split_whitespace().next())?;
-    let of = |key: &&str| comments.iter().find(|comment| comment.starts_with(key)).cloned();
-    let name = comments.iter().find_map(|comment| comment.strip_prefix(TRIANGULATION));
-    let short = |name: &str| if name == ANY[1] { ANY[0].to_owned() } else { name.to_owned() };
-    let by = name.map(|name| format!("{BY}{}", short(name)));
-    let more = STATED[1..4].iter().filter_map(of).chain(by);
-    Some(std::iter::once(tolerance.to_owned()).chain(more).collect::<Vec<_>>().join(" "))
+/// Promises in short, without units: " max error 1.5 bound surface fitted heights".
+fn stated(promises: &Promises) -> String {
+    let all: Vec<_> = promises.statements().collect();
+    let short = |[key, short]: [&str; 2]| {
+        let (_, text) = all.iter().find(|(own, _)| *own == key)?;
+        let word = text.split_whitespace().next()?;
+        Some(format!(" {short} {}", if word == ANY[1] { ANY[0] } else { word }))
+    };
+    STATED.into_iter().filter_map(short).collect()
 }
 
-/// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none; but
-/// of what is [`NEEDED`] nothing is left out.
-fn title(origin: Point3, scale: Option<Point3>, bound: Option<&str>) -> Result<[u8; TITLE_BYTES]> {
+/// The first 80 bytes. Where the origin and the scale leave no room for the promises, the file states none; but
+/// a file of fitted heights or with a smallest angle has to.
+fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[u8; TITLE_BYTES]> {
     let numbers = |point: Point3| point.map(text::f64_text).join(" ");
     let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
     let mut text = format!("{ORIGIN}{}{scale}", numbers(origin));
     if text.len() > TITLE_BYTES {
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
     }
-    let stated = bound.map_or(String::new(), |bound| format!(" {BOUND}{bound}"));
+    let needed = [
+        (!promises.fitted.is_nothing(), "‹fit›", "that heights are fitted"),
+        (!promises.min_angle.is_nothing(), "‹min_angle›", "the smallest angle"),
+    ];
+    let stated = stated(promises);
     if text.len() + stated.len() <= TITLE_BYTES {
         text += &stated;
-    } else if let Some((_, option, what)) = NEEDED.iter().find(|(key, ..)| stated.contains(key)) {
+    } else if let Some((_, option, what)) = needed.into_iter().find(|(is_needed, ..)| *is_needed) {
         return Err(Error::usage(format!("an STL header has no room to state {what}"))
             .remedy(format!("write PLY, OBJ or GLB, or leave {option} out")));
     }
@@ -276,19 +274,17 @@ fn statements(title: &str) -> Vec<(String, String)> {
     let mut words = all.get(PLACE_WORDS + scale..).unwrap_or_default();
     let (mut stated, mut unknown) = (Vec::new(), Vec::new());
     while let [first, rest @ ..] = words {
-        let starts = |key: &&&str| key.split_whitespace().zip(words).all(|(a, b)| a == *b);
-        let Some(key) = STATED.iter().find(starts) else {
+        let starts =
+            |[_, short]: &&[&str; 2]| short.split_whitespace().zip(words).all(|(a, b)| a == *b);
+        let Some([key, short]) = STATED.iter().find(starts) else {
             unknown.push(*first);
             words = rest;
             continue;
         };
-        let length = key.split_whitespace().count();
+        let length = short.split_whitespace().count();
         let value = words.get(length).copied().unwrap_or_default();
-        let (name, value) = match *key {
-            BY => (TRIANGULATION, if value == ANY[0] { ANY[1] } else { value }),
-            _ => (*key, value),
-        };
-        stated.push((name.trim_end().to_owned(), value.to_owned()));
+        let value = if value == ANY[0] { ANY[1] } else { value };
+        stated.push(((*key).to_owned(), value.to_owned()));
         words = words.get(length + 1..).unwrap_or_default();
     }
     if !unknown.is_empty() {
@@ -386,16 +382,20 @@ impl MeshSource for StlSource {
 mod tests {
     use super::*;
 
+    fn promises(lines: &[&str]) -> Promises {
+        Promises::parse(lines).unwrap()
+    }
+
     #[test]
     fn the_title_holds_any_origin_a_grid_can_have() {
         for origin in [[500_000.5, -4e6, 0.0], [-1.234_567_890_123_456_7e-300, f64::MIN, 0.0]] {
-            let made = title(origin, None, Some("1.5")).unwrap();
+            let made = title(origin, None, &promises(&["max error 1.5"])).unwrap();
             assert_eq!(place(&made), Some((origin, [1.0; 3])));
         }
         let (origin, scale) = ([-124.515_625, 48.484_375, 4096.0], [74_123.45, 111_132.9, 0.3048]);
-        let made = title(origin, Some(scale), Some("1.5")).unwrap();
+        let made = title(origin, Some(scale), &promises(&["max error 1.5"])).unwrap();
         assert_eq!(place(&made), Some((origin, scale)));
-        assert!(title([-1.234_567_890_123_456_7e-300; 3], None, None).is_err());
+        assert!(title([-1.234_567_890_123_456_7e-300; 3], None, &promises(&[])).is_err());
         for bad in ["1 2", "1 2 x", "1 2 3 scale 1 2", "1 2 3 scale 0 1 1", "1 2 3 scale -1 1 1"] {
             let text = format!("{ORIGIN}{bad:<65}");
             assert_eq!(place(text.as_bytes().try_into().unwrap()), None, "{bad}");
@@ -404,22 +404,19 @@ mod tests {
 
     #[test]
     fn the_title_holds_the_bound_where_there_is_room() {
-        let comments = ["source a.tif".to_owned(), "max error 1.5 metre".to_owned()];
-        let made = title([500_000.0, 4e6, 0.0], None, bound(&comments).as_deref()).unwrap();
+        let plain = promises(&["source a.tif", "max error 1.5 metre"]);
+        let made = title([500_000.0, 4e6, 0.0], None, &plain).unwrap();
         assert!(made.starts_with(b"terrane origin 500000 4000000 0 max error 1.5 "), "{made:?}");
         let full = [-1.234_567_890_123_456_7e-300, -1.234_567_890_123_456_7e-300, 1.5];
-        let made = title(full, None, bound(&comments).as_deref()).unwrap();
+        let made = title(full, None, &plain).unwrap();
         assert!(!made.windows(3).any(|some| some == b"max"));
-        assert_eq!(bound(&["source a.tif".to_owned()]), None);
-        let of_surface = [&comments[..], &["bound surface".to_owned()]].concat();
-        assert_eq!(bound(&of_surface).as_deref(), Some("1.5 bound surface"));
-        let fitted = [&of_surface[..], &["fitted heights".to_owned()]].concat();
-        let fitted = bound(&fitted);
-        assert_eq!(fitted.as_deref(), Some("1.5 bound surface fitted heights"));
-        let angle = bound(&[&comments[..], &["min angle 25".to_owned()]].concat());
-        assert_eq!(angle.as_deref(), Some("1.5 min angle 25"));
-        for (bound, option) in [(fitted, "‹fit›"), (angle, "‹min_angle›")] {
-            let error = title(full, None, bound.as_deref()).unwrap_err().to_string();
+        assert_eq!(stated(&promises(&["source a.tif"])), "");
+        let fitted = promises(&["fitted heights", "bound surface", "max error 1.5 metre"]);
+        assert_eq!(stated(&fitted), " max error 1.5 bound surface fitted heights");
+        let angle = promises(&["max error 1.5", "triangulation data-dependent", "min angle 25"]);
+        assert_eq!(stated(&angle), " max error 1.5 min angle 25 by any");
+        for (promises, option) in [(fitted, "‹fit›"), (angle, "‹min_angle›")] {
+            let error = title(full, None, &promises).unwrap_err().to_string();
             assert!(error.contains(option), "{error}");
         }
     }

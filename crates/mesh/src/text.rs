@@ -1,6 +1,6 @@
 //! Numbers and comments as text.
 
-use crate::{FORMATS, MeshHeader, MeshInfo};
+use crate::{FORMATS, MeshHeader, MeshInfo, Promises};
 
 /// Appends the shortest text that reads back as exactly `value` (finite): "12", "0.1", "1e300".
 pub(super) fn push_f64(value: f64, text: &mut Vec<u8>) {
@@ -37,16 +37,21 @@ pub(super) fn f64_text(value: f64) -> String {
     text.iter().map(|&byte| char::from(byte)).collect()
 }
 
-/// The comment lines of a mesh file: who wrote it, its CRS, and what the job had to say. One line
-/// each and plain ASCII, because PLY readers insist on both.
+/// The comment lines of a mesh file: who wrote it, its CRS, and what it promises.
 pub(super) fn comments(header: &MeshHeader) -> Vec<String> {
-    let crs = (!header.crs.is_unknown()).then(|| format!("{CRS}{}", header.crs.label()));
-    let own = std::iter::once(generator()).chain(crs);
-    own.chain(header.comments.iter().cloned()).map(|line| plain(&line)).collect()
+    let crs = (!header.crs.is_unknown()).then(|| header.crs.label()).into();
+    signed(&Promises { crs, ..header.promises.clone() })
 }
 
-/// What the comment that names the CRS begins with.
-pub(super) const CRS: &str = "crs ";
+/// Who wrote a mesh, and what it promises. One line each and plain ASCII, because PLY readers insist on both.
+pub(super) fn signed(promises: &Promises) -> Vec<String> {
+    std::iter::once(generator()).chain(promises.to_lines()).map(|line| plain(&line)).collect()
+}
+
+/// The CRS that comments name, unless they contradict each other.
+pub(super) fn crs(comments: &[String]) -> Option<String> {
+    Promises::parse(comments).ok()?.crs.text()
+}
 
 /// Name and version of this program.
 pub(super) fn generator() -> String {
@@ -88,7 +93,7 @@ impl MeshInfo {
 }
 
 /// True for the name and version of this program, and for what its STL files begin with.
-pub fn is_mark(text: &str) -> bool {
+pub(super) fn is_mark(text: &str) -> bool {
     let rest = text.strip_prefix("terrane ");
     rest.is_some_and(|rest| {
         rest.starts_with("origin ") || rest.starts_with(|c: char| c.is_ascii_digit())

@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use terrane::{Crs, Surface, Tin, TinParts};
-use terrane_mesh::MeshHeader;
+use terrane_mesh::{MeshHeader, Promises};
 
 use crate::array::{Elements, view};
 use crate::error::told;
@@ -95,13 +95,13 @@ impl Mesh {
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let TinParts { tolerance, max_error, rmse, unmet, header, .. } =
             Tin::clone(&self.tin).into_parts();
-        let MeshHeader { crs, origin, scale, bounds, comments, .. } = header;
+        let MeshHeader { crs, origin, scale, bounds, promises, .. } = header;
         let state = PyDict::new(py);
         state.set_item("errors", [tolerance, max_error, rmse])?;
         state.set_item("unmet", unmet)?;
         state.set_item("crs", serde_json::to_string(&crs).unwrap_or_default())?;
         state.set_item("places", [origin, scale, bounds[0], bounds[1]])?;
-        state.set_item("comments", comments)?;
+        state.set_item("promises", promises.to_lines())?;
         Ok(state)
     }
 
@@ -123,7 +123,7 @@ impl Mesh {
             scale,
             unit: None,
             bounds: [low, high],
-            comments: state.comments,
+            promises: told(py, Promises::parse(state.promises))?,
             channels: Vec::new(),
         };
         let parts = TinParts {
@@ -147,7 +147,7 @@ struct State {
     unmet: Option<String>,
     crs: String,
     places: [[f64; 3]; 4],
-    comments: Vec<String>,
+    promises: Vec<String>,
 }
 
 /// A reference system as other packages read it: its code, or its text.

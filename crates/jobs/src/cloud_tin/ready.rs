@@ -18,8 +18,8 @@ use crate::tin::vertical_unit;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Point3};
 use terrane_cloud::{CloudInfo, PointSource};
-use terrane_files::{folder_for, path_of};
-use terrane_mesh::{MeshFormat, MeshHeader, MeshSink, SinkOptions};
+use terrane_files::folder_for;
+use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions, Stated};
 
 /// How the memory is divided.
 pub(super) struct Division {
@@ -193,13 +193,14 @@ fn header(
     if format.single_precision {
         check_single(bounds, centre, format)?;
     }
-    let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
-    let mut comments =
-        vec![format!("source {source}"), format!("max error {}{unit}", job.tolerance)];
-    let beside = [("keep points", &job.keep_points), ("breaklines", &job.breaklines)];
-    comments.extend(beside.into_iter().filter_map(|(what, name)| {
-        Some(format!("{what} {}", beside::label(&path_of(name.as_deref()?))))
-    }));
+    let unit = vertical_unit(&info.crs).map(str::to_owned);
+    let promises = Promises {
+        source: Stated::Value(source.to_owned()),
+        max_error: Stated::Value(MaxError { value: job.tolerance, unit }),
+        keep_points: job.keep_points.as_deref().map(beside::label_of).into(),
+        breaklines: job.breaklines.as_deref().map(beside::label_of).into(),
+        ..Promises::default()
+    };
     let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
     let (crs, origin) = (info.crs.clone(), info.frame.world(centre));
     Ok(MeshHeader {
@@ -208,7 +209,7 @@ fn header(
         scale: [1.0; 3],
         unit: None,
         bounds,
-        comments,
+        promises,
         channels: Vec::new(),
     })
 }

@@ -68,14 +68,11 @@ impl System {
     }
 }
 
-/// The unit after the tolerance that a mesh states: "max error 1.5 metre".
+/// The unit of the tolerance that a mesh states.
 fn stated_unit(info: &MeshInfo) -> Option<String> {
-    let told = info.details.iter().find_map(|(name, value)| match name.as_str() {
-        "max error" => Some(value.as_str()),
-        _ => value.strip_prefix("max error "),
-    })?;
-    let unit = told.trim().split_once(' ')?.1.trim();
-    metres_in(unit).map(|_| unit.to_owned())
+    let promises = info.promises().ok()?;
+    let unit = promises.max_error.get().ok()??.unit.clone()?;
+    metres_in(&unit).map(|_| unit)
 }
 
 fn short(unit: &str) -> String {

@@ -154,10 +154,7 @@ fn told(error: f64, system: &System) -> String {
 
 /// What a mesh states of itself.
 fn stated(info: &MeshInfo) -> Vec<(&'static str, Value)> {
-    let told = info.details.iter().find_map(|(name, value)| match name.as_str() {
-        "max error" => Some(value.clone()),
-        _ => value.strip_prefix("max error ").map(str::to_owned),
-    });
+    let told = info.promises().ok().and_then(|promises| promises.max_error.text());
     told.map(|told| ("Largest error stated", json!(told))).into_iter().collect()
 }
 

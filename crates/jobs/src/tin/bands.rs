@@ -82,7 +82,8 @@ fn kinds(job: &TinJob, bands: &Bands) -> Result<Vec<ChannelKind>> {
 fn carried(bands: &Bands, kinds: &[ChannelKind]) -> Carried {
     let numbers = bands.list().iter().map(|(band, _)| *band);
     let stored: Vec<_> = numbers.zip(kinds.iter().copied()).collect();
-    Carried { channels: Channel::of_bands(&stored), comments: bands.comments() }
+    let channels = Channel::of_bands(&stored);
+    Carried { channels, bands: Some(bands.clone()), triangulation: None }
 }
 
 /// The values of all bands.

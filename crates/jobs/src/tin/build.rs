@@ -9,6 +9,7 @@ use super::refinement::Refinement;
 use super::report::{FlawReport, unmet};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
+use crate::beside;
 use crate::kept::Features;
 use crate::memory::{self, Shares};
 use crate::{Cancel, Progress, Resources};
@@ -123,6 +124,7 @@ fn build_within(
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
+    let [clip, water] = [clip, water].map(|path| path.map(beside::label));
     let from = Origin { input: info.format, clip, water, refinement: job.refinement };
     let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
     let unmet = unmet(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);

@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use super::{Tin, height_origin_of, restate};
+use super::{Tin, height_origin_of};
 use crate::placing::{Placed, Placing};
 use terrane_base::geom::Rounding;
 use terrane_base::{Error, Result};
-use terrane_mesh::{self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions};
+use terrane_mesh::{
+    self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, Stated,
+};
 
 /// Vertices or triangles handed to a sink at once.
 const BATCH: usize = 1 << 14;
@@ -75,15 +77,17 @@ impl Tin {
         let [x, y, _] = header.origin;
         header.origin = placed.origin([x, y, origin], header.bounds);
         (header.scale, header.unit) = (placed.scale, placed.unit);
-        if tolerance > self.tolerance {
-            restate(&mut header, tolerance);
+        if let Stated::Value(stated) = &mut header.promises.max_error
+            && tolerance > self.tolerance
+        {
+            stated.value = tolerance;
         }
         Ok(header)
     }
 
     /// How it lies in a file, what heights are relative to there, and the bound of them as they are stored.
     fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<(Placed, f64, f64)> {
-        let MeshHeader { crs, bounds: [low, high], comments, .. } = &self.header;
+        let MeshHeader { crs, bounds: [low, high], promises, .. } = &self.header;
         let steps = [0, 1, 2].map(|axis| if axis < 2 { high[axis] - low[axis] } else { 1.0 });
         let (placed, _) = Placing::default()
             .place(crs, ([*low, *high], steps), format)
@@ -104,8 +108,7 @@ impl Tin {
             return Err(Error::unsupported(message).in_file(path).remedy("write PLY or OBJ"));
         }
         // What is known of samples is not known of what lies between them.
-        let is_surface = comments.iter().any(|comment| comment.starts_with("bound "));
-        let error = if is_surface { self.tolerance } else { self.max_error };
+        let error = if promises.bound.is_nothing() { self.max_error } else { self.tolerance };
         Ok((placed, origin, self.tolerance.max((error + loss).next_up())))
     }
 

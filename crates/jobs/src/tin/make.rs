@@ -14,22 +14,24 @@ use super::report::{FlawReport, TinReport};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
+use crate::bands::Bands;
 use crate::beside;
 use crate::figures::Figures;
 use crate::input::grid_stats;
 use crate::kept::{Features, Kept};
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
-use crate::transform::{MovingMesh, TRANSFORMED, Transformed};
+use crate::transform::{MovingMesh, Transformed};
 use crate::{Cancel, Progress, Resources, peak_memory};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
-use terrane_files::{folder_for, path_of};
+use terrane_files::folder_for;
 use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
-    self as mesh, Channel, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
+    self as mesh, Channel, Fitted, LeastAngle, MaxError, MeshFormat, MeshHeader, MeshSink,
+    Promises, SinkOptions, Stated, check_prj, write_prj,
 };
 use terrane_methods::Triangulation;
 use terrane_raster::{
@@ -140,22 +142,27 @@ impl Opened {
     }
 }
 
-/// What vertices have beside their positions, and what the mesh states beside its tolerance.
+/// What vertices have beside their positions, and how they are connected.
 #[derive(Default)]
 pub(super) struct Carried {
     pub(super) channels: Vec<Channel>,
-    pub(super) comments: Vec<String>,
+    /// Those that the channels are of.
+    pub(super) bands: Option<Bands>,
+    /// What triangles are called that are not Delaunay.
+    pub(super) triangulation: Option<&'static str>,
 }
 
 impl Carried {
-    /// Tells the file of it: a tolerance of several bands has no unit.
+    /// Tells the file of it.
     fn tell(&self, header: &mut MeshHeader, tolerance: f64) {
-        if !self.channels.is_empty() {
-            header.channels.clone_from(&self.channels);
-            header.comments.retain(|comment| !comment.starts_with(MAX_ERROR));
-            header.comments.push(format!("{MAX_ERROR}{tolerance}"));
+        header.channels.clone_from(&self.channels);
+        let promises = &mut header.promises;
+        if let Some(bands) = &self.bands {
+            bands.promise(promises, tolerance);
         }
-        header.comments.extend(self.comments.iter().cloned());
+        if let Some(name) = self.triangulation {
+            promises.triangulation = Stated::Value(name.to_owned());
+        }
     }
 }
 
@@ -236,13 +243,10 @@ impl Maker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
-        let [clip, water] =
-            [&job.reading.clip, &job.reading.water].map(|name| name.as_deref().map(path_of));
-        let input = &beside::source(&job.input);
         let from = Origin {
-            input,
-            clip: clip.as_deref(),
-            water: water.as_deref(),
+            input: &beside::source(&job.input),
+            clip: job.reading.clip.as_deref().map(beside::label_of),
+            water: job.reading.water.as_deref().map(beside::label_of),
             refinement: &job.refinement,
         };
         let mut header = header(info, from, &spec, height);
@@ -469,60 +473,44 @@ impl Maker<'_> {
 /// was asked.
 pub(super) struct Origin<'a> {
     pub(super) input: &'a str,
-    pub(super) clip: Option<&'a Path>,
-    pub(super) water: Option<&'a Path>,
+    pub(super) clip: Option<String>,
+    pub(super) water: Option<String>,
     pub(super) refinement: &'a Refinement,
 }
 
 /// What a file of the mesh is told of it.
 pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64) -> MeshHeader {
     let bounds = bounds(info);
-    let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
+    let unit = vertical_unit(&info.crs).map(str::to_owned);
     MeshHeader {
         crs: info.crs.clone(),
         origin: origin(bounds, height),
         scale: [1.0; 3],
         unit: None,
         bounds,
-        comments: comments(from, spec, &unit),
+        promises: promises(from, spec, unit),
         channels: Vec::new(),
     }
 }
 
-/// What the comment that states a tolerance begins with.
-const MAX_ERROR: &str = "max error ";
-
-/// The comment of a mesh that promises no Delaunay triangles, but those of a name.
-pub(super) fn triangulation(name: &str) -> String {
-    format!("triangulation {name}")
-}
-
-/// Makes a header state another tolerance.
-pub fn restate(header: &mut MeshHeader, tolerance: f64) {
-    let stated = |comment: &String| comment.strip_prefix(MAX_ERROR).map(str::to_owned);
-    for comment in &mut header.comments {
-        if let Some(old) = stated(comment) {
-            let unit = old.split_once(' ').map(|(_, unit)| format!(" {unit}")).unwrap_or_default();
-            *comment = format!("{MAX_ERROR}{tolerance}{unit}");
-        }
-    }
-}
-
 /// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
-fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
-    let error = format!("{MAX_ERROR}{}{unit}", spec.tolerance);
-    let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
-    let fitted = spec.fit.then(|| "fitted heights".to_owned());
-    let any = spec.data_dependent.then(|| triangulation("data-dependent"));
-    let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));
-    let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
-    let water = from.water.map(|path| format!("water {}", beside::label(path)));
-    let [kept, lines] = from.refinement.files().map(|name| name.map(path_of));
-    let kept = kept.map(|path| format!("keep points {}", beside::label(&path)));
-    let lines = lines.map(|path| format!("breaklines {}", beside::label(&path)));
-    let source = format!("source {}", from.input);
-    let more = [bound, fitted, any, angle, clip, water, kept, lines].into_iter().flatten();
-    [source, error].into_iter().chain(more).collect()
+fn promises(from: Origin<'_>, spec: &Spec, unit: Option<String>) -> Promises {
+    let [kept, lines] = from.refinement.files();
+    Promises {
+        source: Stated::Value(from.input.to_owned()),
+        max_error: Stated::Value(MaxError { value: spec.tolerance, unit }),
+        bound: (spec.bound != Bound::Samples).then_some(spec.bound).into(),
+        fitted: spec.fit.then_some(Fitted::Heights).into(),
+        triangulation: (spec.data_dependent)
+            .then(|| Triangulation::DataDependent.name().to_owned())
+            .into(),
+        min_angle: spec.min_angle.map(|least| LeastAngle(least.degrees())).into(),
+        clip: from.clip.into(),
+        water: from.water.into(),
+        keep_points: kept.map(beside::label_of).into(),
+        breaklines: lines.map(beside::label_of).into(),
+        ..Promises::default()
+    }
 }
 
 impl Frame {
@@ -532,7 +520,7 @@ impl Frame {
         header.crs = self.crs.clone();
         header.bounds = self.bounds;
         header.origin = origin(self.bounds, height);
-        header.comments.push(format!("{TRANSFORMED} {}", operation.source().label()));
+        header.promises.transformed_from = Stated::Value(operation.source().label());
     }
 }
 

@@ -40,7 +40,7 @@ pub use height_origin::height_origin_of;
 pub use held::{Tin, TinParts};
 pub use job::{Goal, TinJob};
 pub use layout::{TILE_CELLS, USUAL_TILE};
-pub use make::{restate, run};
+pub use make::run;
 pub use options::{Target, TinOptions};
 pub use refinement::{Constraints, Refinement};
 pub use report::{FlawReport, StageReport, TinReport};

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::job::{Goal, TinJob};
-use super::make::{Maker, Opened, in_input, options, triangulation};
+use super::make::{Maker, Opened, in_input, options};
 use super::report::{StageReport, TinReport};
 use super::run::Outcome;
 use super::window::Window;
@@ -59,7 +59,7 @@ pub fn run_by(
         otherwise: "leave ‹method› out".to_owned(),
     };
     let mut opened = Opened::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
-    opened.carried.comments.extend(other_triangles(by).map(triangulation));
+    opened.carried.triangulation = other_triangles(by);
     let maker = Maker { job, opened: &opened, progress, cancel };
     let mut report = make(&maker, by).map_err(named)?;
     report.took(started.elapsed());

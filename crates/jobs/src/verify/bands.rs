@@ -7,15 +7,14 @@ use serde::Serialize;
 
 use super::found::Verdict;
 use super::report::{Place, VerifyReport};
-use super::statements::{BANDS, HEIGHTS, Statements, WEIGHTS};
-use super::{Asked, VerifyJob, verify};
+use super::{Asked, VerifyJob, tolerance, verify};
 use crate::bands::{Bands, Joined, label};
 use crate::memory::cache_beside;
 use crate::{Cancel, Progress};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
-use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
+use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises, Stated};
 use terrane_raster::GridSource;
 
 /// Bands that a mesh is to be held to.
@@ -48,18 +47,11 @@ pub struct BandProof {
     pub over: u64,
 }
 
-/// What the heights of vertices are to be.
-enum Heights {
-    Band(u32),
-    None,
-    Unknown,
-}
-
 /// A mesh and a job that names bands.
 pub(super) struct Proof<'a> {
     pub(super) job: &'a VerifyJob,
     pub(super) mesh: &'a dyn MeshSource,
-    pub(super) stated: &'a Statements<'a>,
+    pub(super) stated: &'a Promises,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
@@ -72,7 +64,7 @@ impl Proof<'_> {
         let bands = bands((self.mesh.info(), self.stated), asked).map_err(in_mesh)?;
         let tolerance = match self.job.tolerance {
             Some(tolerance) => Some(tolerance),
-            None => self.stated.tolerance().map_err(in_mesh)?,
+            None => tolerance(self.stated).map_err(in_mesh)?,
         };
         let in_raster = |e: Error| e.in_file(Path::new(&self.job.raster.to_string()));
         let cache = cache_beside(self.job.resources.memory);
@@ -80,14 +72,16 @@ impl Proof<'_> {
         let joined = bands.open(&self.job.raster, &options).map_err(in_raster)?;
         let mut report = None;
         match heights {
-            Heights::Band(band) => {
+            Some(HeightBand::Band(band)) => {
                 let place = bands.list().iter().position(|(number, _)| *number == band);
                 let place = place.unwrap_or_default();
                 let allowed = allowed(tolerance, bands.list()[place].1);
                 report = Some(self.surface(self.mesh, &*joined.band(place), allowed)?);
             }
-            Heights::None => report = Some(self.surface(self.mesh, &*joined.flat(), Some(0.0))?),
-            Heights::Unknown => {}
+            Some(HeightBand::None) => {
+                report = Some(self.surface(self.mesh, &*joined.flat(), Some(0.0))?)
+            }
+            None => {}
         }
         let (is_known, crs) = (report.is_some(), joined.band(0).info().crs.clone());
         let report = self.channels(&bands, &joined, tolerance, report)?;
@@ -181,37 +175,23 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
 }
 
 /// What the mesh says of its heights, if the job does not.
-fn heights(stated: &Statements<'_>, asked: &AskedBands) -> Result<Heights> {
-    if let Some(band) = asked.heights {
-        return Ok(Heights::Band(band));
-    }
-    let Some(text) = stated.text(HEIGHTS) else { return Ok(Heights::Unknown) };
-    let band = text.strip_prefix("band ").and_then(|band| band.parse().ok());
-    match (text, band) {
-        ("none", _) => Ok(Heights::None),
-        (_, Some(band)) => Ok(Heights::Band(band)),
-        _ => Err(Error::bad_input(format!("states \"{HEIGHTS} {text}\", which is not known"))
-            .remedy("say what heights are of with ‹band›")),
+fn heights(stated: &Promises, asked: &AskedBands) -> Result<Option<HeightBand>> {
+    match asked.heights {
+        Some(band) => Ok(Some(HeightBand::Band(band))),
+        None => Ok(stated.heights.get()?.copied()),
     }
 }
 
 /// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
-fn bands((info, stated): (&MeshInfo, &Statements<'_>), asked: &AskedBands) -> Result<Bands> {
+fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<Bands> {
     let label = label(&asked.bands);
-    if let Some(text) = stated.text(BANDS).filter(|text| *text != label) {
+    if let Some(text) = stated.bands.text().filter(|text| *text != label) {
         let message = format!("the mesh states that it was made of bands {text}, not {label}");
         return Err(Error::usage(message).remedy(format!("pass ‹bands› {text}")));
     }
-    let weights = match (asked.weights.is_empty(), stated.text(WEIGHTS)) {
-        (true, Some(text)) => {
-            let weights = text.split(',').map(|weight| weight.parse().ok()).collect();
-            let weights: Option<Vec<f64>> = weights;
-            weights.ok_or_else(|| {
-                Error::bad_input(format!("states \"{WEIGHTS} {text}\", which are no weights"))
-                    .remedy("give them with ‹weights›")
-            })?
-        }
-        _ => asked.weights.clone(),
+    let weights = match asked.weights.is_empty() {
+        true => stated.weights.get()?.cloned().unwrap_or_default(),
+        false => asked.weights.clone(),
     };
     let bands = Bands::new(&asked.bands, &weights, asked.heights)?;
     let names = info.channels.iter().map(String::as_str);
@@ -234,8 +214,8 @@ pub(super) fn not_judged(label: &str) -> String {
 }
 
 /// True when a mesh states that it has no heights.
-pub(super) fn is_flat(stated: &Statements<'_>) -> bool {
-    stated.text(HEIGHTS) == Some("none")
+pub(super) fn is_flat(stated: &Promises) -> bool {
+    stated.heights == Stated::Value(HeightBand::None)
 }
 
 /// A promise that is not about bands and that this mesh was not asked for.

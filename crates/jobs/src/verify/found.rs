@@ -3,10 +3,9 @@
 use serde::Serialize;
 
 use super::NO_BOUND;
-use super::statements::{SOURCE, Statements, TOLERANCE};
 use super::vertices::VertexCounts;
 use crate::figures::Figures;
-use terrane_mesh::MeshInfo;
+use terrane_mesh::{MeshInfo, Promises};
 use terrane_proof::{Fault, Position, Tally};
 
 /// What came of a proof, of whatever it is.
@@ -188,7 +187,7 @@ pub struct MeshReport<O: Original> {
 /// What was found on the lattice, and what it is in the units of the original.
 pub(super) struct Findings<'a> {
     pub(super) mesh: &'a MeshInfo,
-    pub(super) stated: &'a Statements<'a>,
+    pub(super) stated: &'a Promises,
     /// Whether it states no triangulation that is not Delaunay.
     pub(super) is_delaunay: bool,
     pub(super) tolerance: Option<f64>,
@@ -249,7 +248,7 @@ impl<O: Original> MeshReport<O> {
             open_edges: tally.open_edges,
             non_delaunay_edges: fault(&tally.non_delaunay),
             delaunay: found.is_delaunay && mesh.is_own() && !is_silent(mesh, stated),
-            source: stated.text(SOURCE).map(str::to_owned),
+            source: stated.source.text(),
             smallest_angle: tally.smallest_angle,
             angle_histogram: tally.angles.to_vec(),
             run: Figures::default(),
@@ -306,6 +305,6 @@ impl<O: Original> MeshReport<O> {
 }
 
 /// True for files whose header had no room for what they promise: STL, which then states no bound either.
-fn is_silent(mesh: &MeshInfo, stated: &Statements<'_>) -> bool {
-    !mesh.names_crs() && stated.text(TOLERANCE).is_none()
+fn is_silent(mesh: &MeshInfo, stated: &Promises) -> bool {
+    !mesh.names_crs() && stated.max_error.is_nothing()
 }

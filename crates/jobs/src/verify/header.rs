@@ -4,20 +4,19 @@
 use std::path::Path;
 
 use super::found::Verdict;
-use super::statements::{BANDS, Statements};
 use crate::input::mesh_bounds;
 use crate::tin::vertical_unit;
 use crate::{Cancel, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, metres_in, wkt};
-use terrane_mesh::{MeshInfo, MeshSource, plain};
+use terrane_mesh::{MaxError, MeshInfo, MeshSource, Promises, plain};
 
 /// A header to be judged.
 pub(super) struct Header<'a> {
     /// The file, beside which a `.prj` may lie.
     pub(super) mesh: &'a Path,
     pub(super) info: &'a MeshInfo,
-    pub(super) stated: &'a Statements<'a>,
+    pub(super) stated: &'a Promises,
     /// The system of the original.
     pub(super) crs: &'a Crs,
     /// What the original is: "grid" or "cloud".
@@ -55,10 +54,9 @@ impl Header<'_> {
         self.unit_of_error(verdict);
         self.unit_of_file(verdict);
         if self.info.is_own() {
-            let unknown = self.stated.unknown();
-            unknown.for_each(|text| {
-                verdict.leave(format!("the statement \"{text}\", which is not known"))
-            });
+            for line in &self.stated.unknown {
+                verdict.leave(format!("the statement \"{line}\", which is not known"));
+            }
         }
         Ok(())
     }
@@ -134,9 +132,8 @@ impl Header<'_> {
 
     /// Judges the unit behind the tolerance; a tolerance of several bands has none.
     fn unit_of_error(&self, verdict: &mut Verdict) {
-        let unit = vertical_unit(self.crs);
-        let is_of_bands = self.stated.text(BANDS).is_some();
-        match (self.stated.unit(), unit) {
+        let Ok(Some(MaxError { unit, .. })) = self.stated.max_error.get() else { return };
+        match (unit.as_deref(), vertical_unit(self.crs)) {
             (Some(theirs), Some(ours)) if !is_same(theirs, ours) => verdict.fail(format!(
                 "the mesh states its largest error in {theirs}, and heights of the {} are in {ours}",
                 self.original
@@ -146,7 +143,7 @@ impl Header<'_> {
                 "whether its largest error is in {theirs}, as the {} names no unit of heights",
                 self.original
             )),
-            (None, Some(ours)) if self.has_no_unit() && !is_of_bands => verdict.leave(format!(
+            (None, Some(ours)) if self.has_room_for_units() => verdict.leave(format!(
                 "the unit of its largest error: it states none, and heights of the {} are in {ours}",
                 self.original
             )),
@@ -158,11 +155,9 @@ impl Header<'_> {
         Some(self.crs.horizontal_unit()).filter(|name| metres_in(name).is_some()).unwrap_or("metre")
     }
 
-    /// True for a mesh of terrane's own that states a tolerance without the unit that it has room for.
-    fn has_no_unit(&self) -> bool {
-        matches!(self.stated.tolerance(), Ok(Some(_)))
-            && self.info.is_own()
-            && self.info.names_crs()
+    /// True for a mesh of terrane's own that may state a unit beside its tolerance.
+    fn has_room_for_units(&self) -> bool {
+        self.info.is_own() && self.info.names_crs() && self.stated.bands.is_nothing()
     }
 
     /// Judges the unit that the format itself states. What is stored in a scale of its own is a print, or degrees

@@ -15,7 +15,6 @@ mod quality;
 mod report;
 mod spread;
 mod squares;
-mod statements;
 pub mod tiles;
 mod vertices;
 
@@ -25,10 +24,6 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use self::header::{Header, judge_bounds};
-use self::statements::{
-    BANDS, CLIP, HEIGHTS, KEPT, LINES, Statements, TRANSFORMED, WATER, WEIGHTS,
-};
-
 use crate::bands::Joined;
 use crate::figures::Figures;
 use crate::kept::{Features, Kept};
@@ -39,7 +34,8 @@ use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
 use terrane_files::Buckets;
-use terrane_mesh::{self as mesh, MeshSource};
+use terrane_mesh::{self as mesh, MeshSource, Promises};
+use terrane_methods::{METHODS, Triangulation};
 use terrane_proof::{Layout, Precision, Snapper};
 use terrane_raster::{self as raster, GridSource, Inputs};
 
@@ -88,7 +84,7 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    let stated = Statements::of(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
+    let stated = mesh.info().promises().map_err(|e| e.in_file(&job.mesh))?;
     check_system(&stated).map_err(|e| e.in_file(&job.mesh))?;
     let (mut report, crs) = match &job.bands {
         Some(bands) => {
@@ -109,8 +105,8 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
 }
 
 /// Fails for a mesh that was taken to another system when it was written.
-fn check_system(stated: &Statements<'_>) -> Result<()> {
-    let Some(from) = stated.text(TRANSFORMED) else { return Ok(()) };
+fn check_system(stated: &Promises) -> Result<()> {
+    let Some(from) = stated.transformed_from.as_deref() else { return Ok(()) };
     let message = format!("was transformed from {from}, where its vertices are samples");
     Err(Error::unsupported(message).remedy("verify the mesh as it is made without ‹to_crs›"))
 }
@@ -125,7 +121,7 @@ fn in_mesh<T>(found: Result<T>, job: &VerifyJob) -> Result<T> {
 
 /// Proves the heights of a mesh; returns the reference system of the grid, too.
 fn heights(
-    (mesh, stated): (&dyn MeshSource, &Statements<'_>),
+    (mesh, stated): (&dyn MeshSource, &Promises),
     job: &VerifyJob,
     progress: &dyn Progress,
     cancel: &Cancel,
@@ -134,12 +130,12 @@ fn heights(
     let grid = raster::open_all(job.raster.names(), &options)?;
     let crs = grid.info().crs.clone();
     let in_file = |e: Error| e.in_file(&job.mesh);
-    let made_of = stated.text(BANDS);
-    let tolerance = match (job.tolerance, made_of) {
+    let made_of = stated.bands.text();
+    let tolerance = match (job.tolerance, &made_of) {
         (Some(tolerance), _) => Some(tolerance),
         // What it states is the tolerance of its bands.
         (None, Some(_)) => None,
-        (None, None) => stated.tolerance().map_err(in_file)?,
+        (None, None) => tolerance(stated).map_err(in_file)?,
     };
     let grid = match made_of.filter(|_| bands::is_flat(stated)) {
         None => grid,
@@ -150,10 +146,13 @@ fn heights(
         }
         Some(_) => Joined::of(grid).flat(),
     };
-    let bound = job.bound.map_or_else(|| stated.bound(), Ok).map_err(in_file)?;
+    let bound = match job.bound {
+        Some(bound) => bound,
+        None => stated.bound.get().map_err(in_file)?.copied().unwrap_or_default(),
+    };
     let min_angle = match job.min_angle {
         Some(degrees) => Some(degrees),
-        None => stated.min_angle().map_err(in_file)?,
+        None => stated.min_angle.get().map_err(in_file)?.map(|angle| angle.0),
     };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
@@ -164,47 +163,70 @@ fn heights(
     Ok((report, crs))
 }
 
+/// The tolerance that a mesh states.
+fn tolerance(stated: &Promises) -> Result<Option<f64>> {
+    Ok(stated.max_error.get()?.map(|error| error.value))
+}
+
+/// True unless vertices are connected in a way that is not Delaunay: "triangulation data-dependent", or the
+/// name of a method.
+///
+/// # Errors
+/// A name that is not known: to believe it would leave edges unjudged.
+fn is_delaunay(stated: &Promises) -> Result<bool> {
+    let Some(name) = stated.triangulation.as_deref() else { return Ok(true) };
+    let mut others = METHODS.iter().filter(|method| !method.is_delaunay);
+    match name.parse::<Triangulation>() {
+        Ok(known) => Ok(known == Triangulation::Delaunay),
+        Err(_) if others.any(|method| method.name == name) => Ok(false),
+        Err(_) => {
+            Err(Error::bad_input(format!("states \"triangulation {name}\", which is not known"))
+                .remedy("make the mesh again, or remove this comment: its edges are judged then"))
+        }
+    }
+}
+
 /// Names bands and files that the mesh was made with, as it states, and that were not given.
-fn tell_of_files(stated: &Statements<'_>, job: &VerifyJob, verdict: &mut Verdict) {
+fn tell_of_files(stated: &Promises, job: &VerifyJob, verdict: &mut Verdict) {
     let mut tell = |told: String, left: String| {
         verdict.failures.extend((!verdict.passed).then_some(told));
         verdict.leave(left);
     };
-    if let Some(label) = stated.text(BANDS).filter(|_| job.bands.is_none()) {
+    if let Some(label) = stated.bands.text().filter(|_| job.bands.is_none()) {
         tell(
             format!(
                 "the mesh states that it was made of bands {label}, and voids of all: pass ‹bands› {label}"
             ),
-            bands::not_judged(label),
+            bands::not_judged(&label),
         );
     }
-    if let Some(clip) = stated.text(CLIP).filter(|_| job.reading.clip.is_none()) {
+    if let Some(clip) = stated.clip.as_deref().filter(|_| job.reading.clip.is_none()) {
         tell(
             format!("the mesh states that its grid was clipped to {clip}: pass it with ‹clip›"),
             format!("whether it ends where the polygons of {clip} do (‹clip›)"),
         );
     }
-    if let Some(file) = stated.text(WATER).filter(|_| job.reading.water.is_none()) {
+    if let Some(file) = stated.water.as_deref().filter(|_| job.reading.water.is_none()) {
         tell(
             format!("the mesh states that the water of {file} is level: pass ‹water›"),
             format!("whether the water of {file} is level (‹water›)"),
         );
     }
-    if job.bands.is_none() && stated.text(BANDS).is_none() {
-        for (key, text) in [WEIGHTS, HEIGHTS].map(|key| (key, stated.text(key))) {
-            let left = text.map(|text| format!("the statement \"{key} {text}\", without bands"));
-            left.into_iter().for_each(|left| verdict.leave(left));
+    if job.bands.is_none() && stated.bands.is_nothing() {
+        let Promises { weights, heights, .. } = stated.clone();
+        for line in (Promises { weights, heights, ..Promises::default() }).to_lines() {
+            verdict.leave(format!("the statement \"{line}\", without bands"));
         }
     }
     leave_files(stated, [job.keep_points.is_some(), job.breaklines.is_some()], verdict);
 }
 
 /// Names points and lines of files that a mesh states and that were not given, as not judged.
-fn leave_files(stated: &Statements<'_>, [points, lines]: [bool; 2], verdict: &mut Verdict) {
-    if let Some(file) = stated.text(KEPT).filter(|_| !points) {
+fn leave_files(stated: &Promises, [points, lines]: [bool; 2], verdict: &mut Verdict) {
+    if let Some(file) = stated.keep_points.as_deref().filter(|_| !points) {
         verdict.leave(format!("whether it keeps the points of {file} (‹keep_points›)"));
     }
-    if let Some(file) = stated.text(LINES).filter(|_| !lines) {
+    if let Some(file) = stated.breaklines.as_deref().filter(|_| !lines) {
         verdict.leave(format!("whether edges follow the lines of {file} (‹breaklines›)"));
     }
 }
@@ -342,7 +364,7 @@ struct Context<'a> {
     grid: &'a dyn GridSource,
     asked: Asked<'a>,
     /// What the mesh states.
-    stated: Statements<'a>,
+    stated: Promises,
     /// Vertices may lie above or below their samples.
     is_fitted: bool,
     /// The mesh states no triangulation that is not Delaunay.
@@ -358,12 +380,12 @@ impl<'a> Context<'a> {
         check_grid(grid)?;
         let (info, map) = (work.mesh.info(), grid.info().transform);
         let size = [grid.info().width, grid.info().height];
-        let stated = Statements::of(info)?;
+        let stated = info.promises()?;
         Ok(Self {
             grid,
             asked,
-            is_fitted: stated.is_fitted()?,
-            is_delaunay: stated.is_delaunay()?,
+            is_fitted: stated.fitted.get()?.is_some(),
+            is_delaunay: is_delaunay(&stated)?,
             stated,
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {

@@ -180,9 +180,8 @@ impl GlbSource {
         }
         if parts > 0 {
             info.channels = COLOURS[..parts].iter().map(|name| (*name).to_owned()).collect();
-            let comments = info.details.iter().filter(|(key, _)| key == "comment");
-            let comments: Vec<String> = comments.map(|(_, text)| text.clone()).collect();
-            info.details.extend(facts(&info.channels, &comments));
+            let promises = info.promises().unwrap_or_default();
+            info.details.extend(facts(&info.channels, &promises));
         }
         Ok(Self { input, positions, bounds, indices, colours, parts, light: linear(), info })
     }

@@ -44,7 +44,7 @@ pub(super) fn create(
 ) -> Result<Box<dyn MeshSink>> {
     let local = Local::new(header.origin, header.scale)?;
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
-    let comments = header.comments.clone();
+    let comments = header.promises.to_lines();
     FORMAT.check_channels(&header.channels)?;
     let (channels, light) = (header.channels.clone(), linear());
     let spool = folder_for(path, options.temp_dir.as_deref());

@@ -43,7 +43,7 @@ pub(super) struct Index {
 
 impl Index {
     pub(super) fn new(format: &str, header: &MeshHeader) -> Self {
-        let (epsg, comments) = (header.crs.epsg, header.comments.clone());
+        let (epsg, comments) = (header.crs.epsg, header.promises.to_lines());
         let crs = epsg.map(|code| format!("{URN}{code}"));
         Self { format: format.to_owned(), epsg, crs, comments, blocks: Vec::new() }
     }

@@ -176,8 +176,7 @@ impl Found {
     }
 
     fn info(self, vertices: u64, triangles: u64) -> MeshInfo {
-        let crs = self.comments.iter().find_map(|text| text.strip_prefix(text::CRS));
-        let crs = crs.map(str::to_owned);
+        let crs = text::crs(&self.comments);
         let application = self.application.map(|name| ("generator".to_owned(), name));
         let unit = self.unit.map(|unit| ("unit".to_owned(), unit));
         let comments = self.comments.into_iter().map(|text| ("comment".to_owned(), text));

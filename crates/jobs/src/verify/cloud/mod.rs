@@ -18,8 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::header::{Header, judge_bounds};
-use super::statements::{CRS, KEPT, LINES, SOURCE, Statements, TOLERANCE, TRIANGULATION};
-use super::{Work, leave_files, open_mesh};
+use super::{Work, is_delaunay, leave_files, open_mesh};
 use crate::kept::Features;
 use crate::memory::with_polygons;
 use crate::on_cloud::OnCloud;
@@ -27,7 +26,7 @@ use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
-use terrane_mesh::MeshSource;
+use terrane_mesh::{MeshSource, Promises, Stated};
 use terrane_proof::cloud::{Bound, Placer};
 
 pub use report::{CloudVerifyReport, OfCloud};
@@ -62,11 +61,11 @@ pub fn verify_cloud(
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    let stated = Statements::of(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
+    let stated = mesh.info().promises().map_err(|e| e.in_file(&job.mesh))?;
     let source = cloud::source(&job.inputs, &job.options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
-        None => stated.tolerance().map_err(|e| e.in_file(&job.mesh))?,
+        None => super::tolerance(&stated).map_err(|e| e.in_file(&job.mesh))?,
     };
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let features = Features::read_for_cloud(points, lines, &job.resources)?;
@@ -86,8 +85,8 @@ pub fn verify_cloud(
     report.run.memory_budget = job.resources.memory;
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
-    for statement in stated.of_others(&OF_CLOUDS) {
-        report.verdict.leave(format!("the statement \"{statement}\", as no cloud keeps it"));
+    for line in of_grids(&stated).to_lines() {
+        report.verdict.leave(format!("the statement \"{line}\", as no cloud keeps it"));
     }
     let given = [job.keep_points.is_some(), job.breaklines.is_some()];
     leave_files(&stated, given, &mut report.verdict);
@@ -95,8 +94,19 @@ pub fn verify_cloud(
     Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
 }
 
-/// Statements that are judged beside a cloud, or promise nothing.
-const OF_CLOUDS: [&str; 6] = [CRS, SOURCE, TOLERANCE, TRIANGULATION, KEPT, LINES];
+/// What a mesh states beside what is judged of meshes of clouds.
+fn of_grids(stated: &Promises) -> Promises {
+    Promises {
+        crs: Stated::Nothing,
+        source: Stated::Nothing,
+        max_error: Stated::Nothing,
+        triangulation: Stated::Nothing,
+        keep_points: Stated::Nothing,
+        breaklines: Stated::Nothing,
+        unknown: Vec::new(),
+        ..stated.clone()
+    }
+}
 
 /// Proves `mesh` against the points of `source`, and that it keeps what it has to of files; what the two hold themselves is not part of the
 /// memory budget, of which this takes about half.
@@ -140,7 +150,7 @@ struct Context<'a> {
     bound: Option<Bound>,
     kept: OnCloud,
     /// What the mesh states.
-    stated: Statements<'a>,
+    stated: Promises,
     /// It states no triangulation that is not Delaunay.
     is_delaunay: bool,
     /// The mesh has posts on lines that are not given.
@@ -157,9 +167,9 @@ impl<'a> Context<'a> {
         let bounds = surface_bounds(source)?;
         let kept = features.on_cloud(source.info(), bounds)?;
         work.set_aside(kept.bytes());
-        let stated = Statements::of(work.mesh.info())?;
-        let is_delaunay = stated.is_delaunay()?;
-        let has_posts = !kept.has_lines() && stated.text(LINES).is_some();
+        let stated = work.mesh.info().promises()?;
+        let is_delaunay = is_delaunay(&stated)?;
+        let has_posts = !kept.has_lines() && !stated.breaklines.is_nothing();
         let (frame, mesh) = (source.info().frame, work.mesh.info());
         let reach = kept.and_heights(bounds);
         let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);

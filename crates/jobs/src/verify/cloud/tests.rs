@@ -87,8 +87,8 @@ fn proved_with(
     cloud: &Few,
     resources: &Resources,
 ) -> CloudVerifyReport {
-    let stated = Statements::of(mesh.info()).unwrap();
-    let asked = (stated.tolerance().unwrap(), features);
+    let stated = mesh.info().promises().unwrap();
+    let asked = (super::super::tolerance(&stated).unwrap(), features);
     let report = prove_cloud(mesh, cloud, asked, resources, &Silent, &Cancel::default()).unwrap();
     // What may differ from run to run, leave out.
     CloudVerifyReport {

@@ -1,0 +1,477 @@
+//! What a mesh promises and what it was made of, as the headers of all formats state it: a line for each.
+
+use std::fmt::Display;
+use std::str::FromStr;
+
+use crate::MeshInfo;
+use crate::text::is_mark;
+use terrane_base::bound::Bound;
+use terrane_base::error::{Error, Result};
+
+/// Declares [`Promises`]: for each field its type, the words its line begins with, and what to do about a value that
+/// is not one of the type.
+macro_rules! promises {
+    ($($(#[$doc:meta])+ $field:ident: $type:ty = $key:literal $(, $remedy:literal)?;)+) => {
+        /// What a mesh promises, and what it was made of. Lines are in the order of the fields.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Promises {
+            $($(#[$doc])+ pub $field: Stated<$type>,)+
+            /// Lines that begin with none of the keys.
+            pub unknown: Vec<String>,
+        }
+
+        impl Promises {
+            /// What lines begin with.
+            const KEYS: &[&str] = &[$($key),+];
+
+            /// Key and value of what is stated.
+            pub(crate) fn statements(&self) -> impl Iterator<Item = (&'static str, String)> {
+                let all = [$(($key, self.$field.text())),+];
+                all.into_iter().filter_map(|(key, text)| Some((key, text?)))
+            }
+
+            fn state(&mut self, key: &str, text: &str) -> Result<()> {
+                match key {
+                    $($key => self.$field.state(text, ($key, concat!($($remedy)?))),)+
+                    _ => Ok(()),
+                }
+            }
+        }
+    };
+}
+
+promises! {
+    /// The label of the reference system. Headers that are written have the system beside.
+    crs: String = "crs";
+    /// The name of the grid or cloud.
+    source: String = "source";
+    /// The tolerance.
+    max_error: MaxError = "max error", "give the bound with ‹max_error›";
+    /// Where the tolerance holds; at samples where nothing is stated.
+    bound: Bound = "bound", "say what is to be proved with ‹bound›";
+    /// Vertices may lie above or below their samples.
+    fitted: Fitted = "fitted", "make the mesh again; only \"fitted heights\" is known";
+    /// How vertices are connected, or the name of a method; Delaunay where nothing is stated.
+    triangulation: String = "triangulation";
+    /// The smallest angle of triangles in plan.
+    min_angle: LeastAngle = "min angle", "give the smallest angle with ‹min_angle›";
+    /// The file of polygons that the grid was clipped to.
+    clip: String = "clip";
+    /// The file of polygons whose water is level.
+    water: String = "water";
+    /// The file of points that are vertices.
+    keep_points: String = "keep points";
+    /// The file of lines that edges follow.
+    breaklines: String = "breaklines";
+    /// Numbers of the bands, from 1.
+    bands: Vec<u32> = "bands", "make the mesh again";
+    /// What errors in each band are multiplied by.
+    weights: Vec<f64> = "weights", "give them with ‹weights›";
+    /// The band that heights are of.
+    heights: HeightBand = "heights", "say what heights are of with ‹band›";
+    /// The reference system of the grid, where vertices were taken to another one.
+    transformed_from: String = "transformed from";
+}
+
+impl Promises {
+    /// A line for each statement.
+    pub fn to_lines(&self) -> Vec<String> {
+        let lines = self.statements().map(|(key, text)| format!("{key} {text}"));
+        lines.chain(self.unknown.iter().cloned()).collect()
+    }
+
+    /// Reads lines in any order. A value that is not one of its type is kept, for [`Stated::get`] to refuse.
+    ///
+    /// # Errors
+    /// Two lines with one key that differ. One may be more detailed than the other, as "max error 2 metre" is beside
+    /// "max error 2".
+    pub fn parse<T: AsRef<str>>(lines: impl IntoIterator<Item = T>) -> Result<Self> {
+        let mut all = Self::default();
+        for line in lines {
+            match line.as_ref().trim() {
+                // How meshes stated this before there was a key for it.
+                "data-dependent triangulation" => all.state("triangulation", "data-dependent")?,
+                line => match Self::KEYS.iter().find_map(|key| Some((key, after(key, line)?))) {
+                    Some((key, text)) => all.state(key, text)?,
+                    None if line.is_empty() || is_mark(line) => {}
+                    None => all.unknown.push(line.to_owned()),
+                },
+            }
+        }
+        Ok(all)
+    }
+}
+
+impl MeshInfo {
+    /// What the file states: its comments, its reference system, and details under the name of a key.
+    ///
+    /// # Errors
+    /// Those of [`Promises::parse`].
+    pub fn promises(&self) -> Result<Promises> {
+        let details = self.details.iter().filter_map(|(name, value)| match name.as_str() {
+            "comment" => Some(value.clone()),
+            name => Promises::KEYS.contains(&name).then(|| format!("{name} {value}")),
+        });
+        Promises::parse(self.crs.iter().map(|crs| format!("crs {crs}")).chain(details))
+    }
+}
+
+/// What comes after a key in a line of its own.
+fn after<'a>(key: &str, line: &'a str) -> Option<&'a str> {
+    let rest = line.strip_prefix(key)?;
+    (rest.is_empty() || rest.starts_with(char::is_whitespace)).then(|| rest.trim_start())
+}
+
+/// A value that a header may state.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Stated<T> {
+    /// The header states nothing of it.
+    #[default]
+    Nothing,
+    /// It states this.
+    Value(T),
+    /// It states what is not a value.
+    Wrong(WrongValue),
+}
+
+/// A statement that is not understood.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WrongValue {
+    text: String,
+    /// What its line begins with, and what to do about it.
+    key: (&'static str, &'static str),
+}
+
+impl<T> From<Option<T>> for Stated<T> {
+    fn from(value: Option<T>) -> Self {
+        value.map_or(Self::Nothing, Self::Value)
+    }
+}
+
+impl<T> Stated<T> {
+    /// The value.
+    ///
+    /// # Errors
+    /// A statement that is not a value: to ignore it would leave a promise unjudged.
+    pub fn get(&self) -> Result<Option<&T>> {
+        match self {
+            Self::Nothing => Ok(None),
+            Self::Value(value) => Ok(Some(value)),
+            Self::Wrong(WrongValue { text, key: (key, remedy) }) => {
+                let message = format!("states \"{key} {text}\", which is not valid");
+                Err(Error::bad_input(message).remedy(*remedy))
+            }
+        }
+    }
+
+    /// True where the header states nothing.
+    pub fn is_nothing(&self) -> bool {
+        matches!(self, Self::Nothing)
+    }
+}
+
+impl Stated<String> {
+    /// The text: all texts are values.
+    pub fn as_deref(&self) -> Option<&str> {
+        if let Self::Value(text) = self { Some(text) } else { None }
+    }
+}
+
+impl<T: Statement> Stated<T> {
+    /// What comes after the key.
+    pub fn text(&self) -> Option<String> {
+        match self {
+            Self::Nothing => None,
+            Self::Value(value) => Some(value.to_text()),
+            Self::Wrong(wrong) => Some(wrong.text.clone()),
+        }
+    }
+
+    fn state(&mut self, text: &str, key: (&'static str, &'static str)) -> Result<()> {
+        let known = self.text().unwrap_or_default();
+        if self.is_nothing() || goes_on(text, &known) {
+            let wrong = || Self::Wrong(WrongValue { text: text.to_owned(), key });
+            *self = T::of_text(text).map_or_else(wrong, Self::Value);
+        } else if !goes_on(&known, text) {
+            let key = key.0;
+            let message =
+                format!("states \"{key} {known}\" and \"{key} {text}\", which cannot both be");
+            return Err(Error::bad_input(message)
+                .remedy("make the mesh again, or remove one of these comments"));
+        }
+        Ok(())
+    }
+}
+
+/// True when a text is another one, or goes on behind it with more words.
+fn goes_on(text: &str, start: &str) -> bool {
+    text.strip_prefix(start).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
+}
+
+/// A type of values that headers state.
+pub trait Statement: Sized {
+    /// The value in words.
+    fn to_text(&self) -> String;
+
+    /// The value of these words, if they are one.
+    fn of_text(text: &str) -> Option<Self>;
+}
+
+impl Statement for String {
+    fn to_text(&self) -> String {
+        self.clone()
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        Some(text.to_owned())
+    }
+}
+
+impl Statement for Bound {
+    fn to_text(&self) -> String {
+        self.to_string()
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        text.parse().ok()
+    }
+}
+
+/// Numbers with commas between them: "3,1".
+impl<T: Display + FromStr> Statement for Vec<T> {
+    fn to_text(&self) -> String {
+        self.iter().map(T::to_string).collect::<Vec<_>>().join(",")
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        text.split(',').map(|number| number.parse().ok()).collect()
+    }
+}
+
+/// A tolerance: "1.5 metre".
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaxError {
+    /// From 0 up.
+    pub value: f64,
+    /// The unit of heights, where it is known.
+    pub unit: Option<String>,
+}
+
+impl Statement for MaxError {
+    fn to_text(&self) -> String {
+        let words = [Some(self.value.to_string()), self.unit.clone()];
+        words.into_iter().flatten().collect::<Vec<_>>().join(" ")
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        let (value, unit) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+        let unit = Some(unit.trim().to_owned()).filter(|unit| !unit.is_empty());
+        let value = value.parse().ok().filter(|value| (0.0..f64::INFINITY).contains(value))?;
+        Some(Self { value, unit })
+    }
+}
+
+/// What of vertices is fitted: "heights".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fitted {
+    /// They lie above or below their samples.
+    Heights,
+}
+
+impl Statement for Fitted {
+    fn to_text(&self) -> String {
+        "heights".to_owned()
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        (text == "heights").then_some(Self::Heights)
+    }
+}
+
+/// The smallest angle that a triangle may have, in degrees from 0 to 60.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeastAngle(pub f64);
+
+impl Statement for LeastAngle {
+    fn to_text(&self) -> String {
+        self.0.to_string()
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        text.parse().ok().filter(|degrees| (0.0..=60.0).contains(degrees)).map(Self)
+    }
+}
+
+/// What heights are: "band 2", or "none".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeightBand {
+    /// All vertices are at 0.
+    None,
+    /// The values of a band.
+    Band(u32),
+}
+
+impl Statement for HeightBand {
+    fn to_text(&self) -> String {
+        match self {
+            Self::None => "none".to_owned(),
+            Self::Band(band) => format!("band {band}"),
+        }
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        match text.strip_prefix("band ") {
+            Some(band) => band.parse().ok().map(Self::Band),
+            None => (text == "none").then_some(Self::None),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use terrane_base::error::ErrorKind;
+
+    /// Every promise, and its line.
+    fn all() -> (Promises, [&'static str; 16]) {
+        let text = |text: &str| Stated::Value(text.to_owned());
+        let unit = Some("US survey foot".to_owned());
+        let promises = Promises {
+            crs: text("EPSG:32611 (WGS 84 / UTM zone 11N)"),
+            source: text("a.tif and 3 more"),
+            max_error: Stated::Value(MaxError { value: 1.5, unit }),
+            bound: Stated::Value(Bound::Surface),
+            fitted: Stated::Value(Fitted::Heights),
+            triangulation: text("data-dependent"),
+            min_angle: Stated::Value(LeastAngle(20.5)),
+            clip: text("area.fgb"),
+            water: text("sea.fgb"),
+            keep_points: text("peaks.geojson"),
+            breaklines: text("roads.fgb"),
+            bands: Stated::Value(vec![3, 1]),
+            weights: Stated::Value(vec![0.5, 2.0]),
+            heights: Stated::Value(HeightBand::Band(1)),
+            transformed_from: text("EPSG:4326"),
+            unknown: vec!["size small".to_owned()],
+        };
+        let lines = [
+            "crs EPSG:32611 (WGS 84 / UTM zone 11N)",
+            "source a.tif and 3 more",
+            "max error 1.5 US survey foot",
+            "bound surface",
+            "fitted heights",
+            "triangulation data-dependent",
+            "min angle 20.5",
+            "clip area.fgb",
+            "water sea.fgb",
+            "keep points peaks.geojson",
+            "breaklines roads.fgb",
+            "bands 3,1",
+            "weights 0.5,2",
+            "heights band 1",
+            "transformed from EPSG:4326",
+            "size small",
+        ];
+        (promises, lines)
+    }
+
+    #[test]
+    fn every_promise_has_a_line_that_reads_back() {
+        let (promises, lines) = all();
+        assert_eq!(promises.to_lines(), lines);
+        assert_eq!(Promises::parse(lines.iter().rev()).unwrap(), promises);
+        assert_eq!(lines.len(), Promises::KEYS.len() + 1);
+        let mark = ["terrane 0.1.0", "", "data-dependent triangulation"];
+        let old = Promises::parse(mark).unwrap();
+        assert_eq!(old.to_lines(), ["triangulation data-dependent"]);
+    }
+
+    proptest! {
+        /// Of any promises, with values right and wrong.
+        #[test]
+        fn promises_read_back_from_their_lines(
+            stated in prop::collection::btree_map(
+                prop::sample::select(Promises::KEYS),
+                prop_oneof![
+                    "[ -~]{0,12}",
+                    "(band )?[0-9]{1,3}(,[0-9.]{1,4}){0,2}( [a-z]{1,5}){0,2}",
+                    // No NaN, which is not itself.
+                    (-1e300..1e300).prop_map(|value: f64| value.to_string()),
+                    Just("surface".to_owned()),
+                    Just("heights".to_owned()),
+                    Just("none".to_owned()),
+                ],
+                0..16,
+            ),
+            unknown in prop::collection::vec("x [ -~]{0,12}", 0..3),
+        ) {
+            let lines = stated.iter().map(|(key, text)| format!("{key} {text}")).chain(unknown);
+            let lines: Vec<_> = lines.map(|line| line.trim_end().to_owned()).collect();
+            let promises = Promises::parse(&lines).unwrap();
+            let keys: std::collections::BTreeSet<_> = promises.statements().map(|(k, _)| k).collect();
+            prop_assert!(keys.iter().eq(stated.keys()), "{keys:?}");
+            prop_assert_eq!(promises.unknown.len() + keys.len(), lines.len());
+            prop_assert_eq!(Promises::parse(promises.to_lines()).unwrap(), promises);
+        }
+    }
+
+    #[test]
+    fn statements_are_read_from_comments_and_from_details_of_their_names() {
+        for (details, value, unit) in [
+            (&[("max error", "1.5 metre")][..], Some(1.5), Some("metre")),
+            (&[("comment", "source a.tif"), ("comment", "max error 0.25")], Some(0.25), None),
+            (&[("comment", "max errors are small"), ("encoding", "bound surface")], None, None),
+            // The more detailed of two that say the same.
+            (&[("max error", "5"), ("comment", "max error 5 foot")], Some(5.0), Some("foot")),
+            (&[("max error", "5 foot"), ("comment", "max error 5")], Some(5.0), Some("foot")),
+        ] {
+            let details = details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+            let info = MeshInfo { details, ..MeshInfo::plain("test", 0, 0) };
+            let promises = info.promises().unwrap();
+            let found = promises.max_error.get().unwrap();
+            assert_eq!(found.map(|error| error.value), value, "{info:?}");
+            assert_eq!(found.and_then(|error| error.unit.as_deref()), unit, "{info:?}");
+            assert!(promises.bound.is_nothing(), "{info:?}");
+        }
+    }
+
+    #[test]
+    fn statements_that_cannot_be_understood_are_refused() {
+        for line in [
+            "max error unknown",
+            "max error -1",
+            "max error NaN",
+            "max error inf",
+            "max error",
+            "bound volume",
+            "bound",
+            "bound 1.5",
+            "min angle 61",
+            "min angle 20 degrees",
+            "min angle",
+            "fitted widths",
+            "bands 1,x",
+            "weights",
+            "heights band",
+        ] {
+            let Promises { max_error, bound, fitted, min_angle, bands, weights, heights, .. } =
+                Promises::parse([line]).unwrap();
+            let results = [
+                max_error.get().map(drop),
+                bound.get().map(drop),
+                fitted.get().map(drop),
+                min_angle.get().map(drop),
+                bands.get().map(drop),
+                weights.get().map(drop),
+                heights.get().map(drop),
+            ];
+            let errors: Vec<_> = results.into_iter().filter_map(Result::err).collect();
+            assert_eq!(errors.len(), 1, "{line}");
+            assert_eq!(errors[0].kind(), ErrorKind::BadInput);
+            assert!(errors[0].to_string().contains(line), "{}", errors[0]);
+        }
+        let error = Promises::parse(["max error 2", "max error 20"]).unwrap_err().to_string();
+        assert!(error.contains("\"max error 2\" and \"max error 20\""), "{error}");
+    }
+}
