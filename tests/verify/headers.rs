@@ -34,7 +34,7 @@ const KEPT: Made = Made {
 /// What a header says, what it is made to say instead, the exit code, and what is told.
 type Wrong = (&'static Made, &'static str, &'static str, i32, &'static str);
 
-const STATEMENTS: [Wrong; 38] = [
+const STATEMENTS: [Wrong; 39] = [
     (&PLAIN, "max error 5", "max error 0.1", 1, "further from the mesh than the tolerance"),
     (&PLAIN, "max error 5", "max error five", 65, "which is not valid"),
     (&PLAIN, "max error 5", "max error -5", 65, "which is not valid"),
@@ -68,6 +68,7 @@ const STATEMENTS: [Wrong; 38] = [
     (&NAMES, "source synth:rough", "bands 1,2\nx", 3, "bands 1,2"),
     (&NAMES, "source synth:rough", "weights 1,2\nx", 3, "weights 1,2"),
     (&NAMES, "source synth:rough", "heights band 1\nx", 3, "heights band 1"),
+    (&NAMES, "source synth:rough", "heights in feet\nx", 3, "heights in feet"),
     (&NAMES, "source synth:rough", "transformed from EPSG:2\nx", 65, "was transformed from"),
     (&NAMES, "source synth:rough", "max error 50\nx", 65, "which cannot both be"),
     (&NAMES, "source synth:rough", "crs EPSG:32632\nx", 65, "which cannot both be"),

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_mesh::{ChannelKind, HeightBand, MaxError, Promises, Stated};
+use terrane_mesh::{ChannelKind, HeightBand, MaxError, Promises};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
 
 /// Bands that a mesh keeps, each with a weight. Every sample that is void in one of them is void.
@@ -86,11 +86,10 @@ impl Bands {
     /// Makes a mesh promise them; their tolerance has no unit.
     pub(crate) fn promise(&self, promises: &mut Promises, tolerance: f64) {
         let (bands, weights) = self.list.iter().copied().unzip();
-        promises.max_error = Stated::Value(MaxError { value: tolerance, unit: None });
-        promises.bands = Stated::Value(bands);
-        promises.weights = Stated::Value(weights);
-        let heights = self.heights.map_or(HeightBand::None, HeightBand::Band);
-        promises.heights = Stated::Value(heights);
+        promises.max_error = Some(MaxError { value: tolerance, unit: None });
+        promises.bands = Some(bands);
+        promises.weights = Some(weights);
+        promises.heights = Some(self.heights.map_or(HeightBand::None, HeightBand::Band));
     }
 
     /// How to open one of them.

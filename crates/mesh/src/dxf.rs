@@ -287,14 +287,11 @@ impl DxfSource {
 }
 
 fn info(triangles: u64, comments: Vec<String>, (unit, others): (Option<String>, u64)) -> MeshInfo {
-    let crs = text::crs(&comments);
     let others = (others > 0)
         .then(|| ("passed over".to_owned(), format!("{others} entities that are no 3DFACE")));
-    let comments = comments.into_iter().map(|text| ("comment".to_owned(), text));
-    let unit = unit.map(|unit| ("unit".to_owned(), unit));
-    let details = comments.chain(unit).chain(others).collect();
+    let details = unit.map(|unit| ("unit".to_owned(), unit)).into_iter().chain(others).collect();
     let plain = MeshInfo::plain(FORMAT.name, 3 * triangles, triangles);
-    MeshInfo { crs, details, indexed: false, ..plain }
+    MeshInfo { details, indexed: false, ..plain }.with_comments(comments)
 }
 
 impl MeshSource for DxfSource {

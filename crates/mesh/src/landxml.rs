@@ -302,11 +302,10 @@ impl Found {
     }
 
     fn info(self, points: u64, faces: u64) -> MeshInfo {
-        let comments = self.comments.into_iter().map(|text| ("comment".to_owned(), text));
-        let unit = self.unit.map(|unit| ("unit".to_owned(), unit));
-        let details = comments.chain(unit).collect();
+        let details = self.unit.map(|unit| ("unit".to_owned(), unit)).into_iter().collect();
         let (crs, systems) = (self.crs, self.systems);
-        MeshInfo { crs, systems, details, ..MeshInfo::plain(FORMAT.name, points, faces) }
+        let plain = MeshInfo::plain(FORMAT.name, points, faces);
+        MeshInfo { crs, systems, details, ..plain }.with_comments(self.comments)
     }
 }
 

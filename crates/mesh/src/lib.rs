@@ -29,9 +29,7 @@ use terrane_base::registry::{Named, offered};
 use terrane_files::format::{self, Format};
 
 pub use channels::{Carries, Channel, ChannelKind, is_colour};
-pub use promises::{
-    Fitted, HeightBand, LeastAngle, MaxError, Promises, Stated, Statement, WrongValue,
-};
+pub use promises::{FittedHeights, HeightBand, MaxError, Promises};
 pub use sidecar::{check_prj, prj_path, write_prj};
 pub use text::plain;
 

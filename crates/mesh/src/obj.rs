@@ -146,7 +146,8 @@ impl ObjSource {
         if vertices.count() == 0 && comments.is_empty() {
             return Err(input.bad("has no vertices"));
         }
-        let info = info(vertices.count(), faces.count(), comments);
+        let info = MeshInfo::plain(FORMAT.name, vertices.count(), faces.count());
+        let info = info.with_comments(comments);
         Ok(Self { input, vertices, faces, info })
     }
 
@@ -169,12 +170,6 @@ impl ObjSource {
         }
         Err(self.input.bad("has become shorter since it was opened"))
     }
-}
-
-fn info(vertices: u64, triangles: u64, comments: Vec<String>) -> MeshInfo {
-    let crs = text::crs(&comments);
-    let details = comments.into_iter().map(|text| ("comment".to_owned(), text)).collect();
-    MeshInfo { crs, details, ..MeshInfo::plain(FORMAT.name, vertices, triangles) }
 }
 
 /// Comments before the first vertex are kept, but not without end.

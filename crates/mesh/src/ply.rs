@@ -2,14 +2,13 @@
 
 use std::path::Path;
 
-use crate::channels::facts;
 use crate::input::{Input, check_corners, check_position, check_range};
 use crate::ply_header::{self, PADDING, PlyHeader, Scalar, Span};
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::text::comments;
 use crate::{
     Carries, Channel, ChannelKind, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo,
-    MeshSink, MeshSource, Promises, SinkOptions,
+    MeshSink, MeshSource, SinkOptions,
 };
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
@@ -154,17 +153,13 @@ impl PlySource {
         let header = ply_header::read(&input).map_err(|e| e.in_file(path))?;
         let order = if header.big { "big" } else { "little" };
         let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
-        let comments = header.comments.iter().map(|text| ("comment".to_owned(), text.clone()));
-        let names: Vec<String> = header.channels.iter().map(|(name, _)| name.clone()).collect();
-        let promises = Promises::parse(&header.comments).unwrap_or_default();
-        let channels = facts(&names, &promises);
         let info = MeshInfo {
             single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
-            crs: promises.crs.text(),
-            details: std::iter::once(encoding).chain(channels).chain(comments).collect(),
-            channels: names,
+            details: vec![encoding],
+            channels: header.channels.iter().map(|(name, _)| name.clone()).collect(),
             ..MeshInfo::plain(FORMAT.name, header.vertices.count, header.faces.count)
         };
+        let info = info.with_comments(header.comments.iter().cloned());
         Ok(Self { input, header, info })
     }
 

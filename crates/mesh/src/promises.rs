@@ -8,14 +8,15 @@ use crate::text::is_mark;
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 
-/// Declares [`Promises`]: for each field its type, the words its line begins with, and what to do about a value that
-/// is not one of the type.
+/// Declares [`Promises`]: for each field its type, and the words that its line begins with.
 macro_rules! promises {
-    ($($(#[$doc:meta])+ $field:ident: $type:ty = $key:literal $(, $remedy:literal)?;)+) => {
+    ($($(#[$doc:meta])+ $field:ident: $type:ty = $key:literal;)+) => {
         /// What a mesh promises, and what it was made of. Lines are in the order of the fields.
         #[derive(Clone, Debug, Default, PartialEq)]
         pub struct Promises {
-            $($(#[$doc])+ pub $field: Stated<$type>,)+
+            $($(#[$doc])+ pub $field: Option<$type>,)+
+            /// Lines with a key whose value is not valid, and stands in none of the fields.
+            pub invalid: Vec<String>,
             /// Lines that begin with none of the keys.
             pub unknown: Vec<String>,
         }
@@ -25,16 +26,18 @@ macro_rules! promises {
             const KEYS: &[&str] = &[$($key),+];
 
             /// Key and value of what is stated.
-            pub(crate) fn statements(&self) -> impl Iterator<Item = (&'static str, String)> {
-                let all = [$(($key, self.$field.text())),+];
+            pub fn statements(&self) -> impl Iterator<Item = (&'static str, String)> {
+                let all = [$(($key, self.$field.as_ref().map(Statement::to_text))),+];
                 all.into_iter().filter_map(|(key, text)| Some((key, text?)))
             }
 
             fn state(&mut self, key: &str, text: &str) -> Result<()> {
-                match key {
-                    $($key => self.$field.state(text, ($key, concat!($($remedy)?))),)+
-                    _ => Ok(()),
-                }
+                let is_valid = match key {
+                    $($key => state(&mut self.$field, key, text)?,)+
+                    _ => false,
+                };
+                self.invalid.extend((!is_valid).then(|| line(key, text)));
+                Ok(())
             }
         }
     };
@@ -46,15 +49,15 @@ promises! {
     /// The name of the grid or cloud.
     source: String = "source";
     /// The tolerance.
-    max_error: MaxError = "max error", "give the bound with ‹max_error›";
+    max_error: MaxError = "max error";
     /// Where the tolerance holds; at samples where nothing is stated.
-    bound: Bound = "bound", "say what is to be proved with ‹bound›";
+    bound: Bound = "bound";
     /// Vertices may lie above or below their samples.
-    fitted: Fitted = "fitted", "make the mesh again; only \"fitted heights\" is known";
+    fitted: FittedHeights = "fitted";
     /// How vertices are connected, or the name of a method; Delaunay where nothing is stated.
     triangulation: String = "triangulation";
-    /// The smallest angle of triangles in plan.
-    min_angle: LeastAngle = "min angle", "give the smallest angle with ‹min_angle›";
+    /// The smallest angle that triangles have in plan, in degrees from 0 to 60.
+    min_angle: f64 = "min angle";
     /// The file of polygons that the grid was clipped to.
     clip: String = "clip";
     /// The file of polygons whose water is level.
@@ -64,11 +67,11 @@ promises! {
     /// The file of lines that edges follow.
     breaklines: String = "breaklines";
     /// Numbers of the bands, from 1.
-    bands: Vec<u32> = "bands", "make the mesh again";
+    bands: Vec<u32> = "bands";
     /// What errors in each band are multiplied by.
-    weights: Vec<f64> = "weights", "give them with ‹weights›";
+    weights: Vec<f64> = "weights";
     /// The band that heights are of.
-    heights: HeightBand = "heights", "say what heights are of with ‹band›";
+    heights: HeightBand = "heights";
     /// The reference system of the grid, where vertices were taken to another one.
     transformed_from: String = "transformed from";
 }
@@ -76,11 +79,11 @@ promises! {
 impl Promises {
     /// A line for each statement.
     pub fn to_lines(&self) -> Vec<String> {
-        let lines = self.statements().map(|(key, text)| format!("{key} {text}"));
-        lines.chain(self.unknown.iter().cloned()).collect()
+        let lines = self.statements().map(|(key, text)| line(key, &text));
+        lines.chain(self.invalid.iter().chain(&self.unknown).cloned()).collect()
     }
 
-    /// Reads lines in any order. A value that is not one of its type is kept, for [`Stated::get`] to refuse.
+    /// Reads lines in any order.
     ///
     /// # Errors
     /// Two lines with one key that differ. One may be more detailed than the other, as "max error 2 metre" is beside
@@ -110,10 +113,14 @@ impl MeshInfo {
     pub fn promises(&self) -> Result<Promises> {
         let details = self.details.iter().filter_map(|(name, value)| match name.as_str() {
             "comment" => Some(value.clone()),
-            name => Promises::KEYS.contains(&name).then(|| format!("{name} {value}")),
+            name => Promises::KEYS.contains(&name).then(|| line(name, value)),
         });
-        Promises::parse(self.crs.iter().map(|crs| format!("crs {crs}")).chain(details))
+        Promises::parse(self.crs.iter().map(|crs| line("crs", crs)).chain(details))
     }
+}
+
+fn line(key: &str, text: &str) -> String {
+    format!("{key} {text}").trim_end().to_owned()
 }
 
 /// What comes after a key in a line of its own.
@@ -122,85 +129,21 @@ fn after<'a>(key: &str, line: &'a str) -> Option<&'a str> {
     (rest.is_empty() || rest.starts_with(char::is_whitespace)).then(|| rest.trim_start())
 }
 
-/// A value that a header may state.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum Stated<T> {
-    /// The header states nothing of it.
-    #[default]
-    Nothing,
-    /// It states this.
-    Value(T),
-    /// It states what is not a value.
-    Wrong(WrongValue),
-}
-
-/// A statement that is not understood.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WrongValue {
-    text: String,
-    /// What its line begins with, and what to do about it.
-    key: (&'static str, &'static str),
-}
-
-impl<T> From<Option<T>> for Stated<T> {
-    fn from(value: Option<T>) -> Self {
-        value.map_or(Self::Nothing, Self::Value)
-    }
-}
-
-impl<T> Stated<T> {
-    /// The value.
-    ///
-    /// # Errors
-    /// A statement that is not a value: to ignore it would leave a promise unjudged.
-    pub fn get(&self) -> Result<Option<&T>> {
-        match self {
-            Self::Nothing => Ok(None),
-            Self::Value(value) => Ok(Some(value)),
-            Self::Wrong(WrongValue { text, key: (key, remedy) }) => {
-                let message = format!("states \"{key} {text}\", which is not valid");
-                Err(Error::bad_input(message).remedy(*remedy))
-            }
-        }
-    }
-
-    /// True where the header states nothing.
-    pub fn is_nothing(&self) -> bool {
-        matches!(self, Self::Nothing)
-    }
-}
-
-impl Stated<String> {
-    /// The text: all texts are values.
-    pub fn as_deref(&self) -> Option<&str> {
-        if let Self::Value(text) = self { Some(text) } else { None }
-    }
-}
-
-impl<T: Statement> Stated<T> {
-    /// What comes after the key.
-    pub fn text(&self) -> Option<String> {
-        match self {
-            Self::Nothing => None,
-            Self::Value(value) => Some(value.to_text()),
-            Self::Wrong(wrong) => Some(wrong.text.clone()),
-        }
-    }
-
-    fn state(&mut self, text: &str, key: (&'static str, &'static str)) -> Result<()> {
-        let known = self.text().unwrap_or_default();
-        if self.is_nothing() || goes_on(text, &known) {
-            let wrong = || Self::Wrong(WrongValue { text: text.to_owned(), key });
-            *self = T::of_text(text).map_or_else(wrong, Self::Value);
-        } else if !goes_on(&known, text) {
-            let key = key.0;
+/// Puts the value of a text where none is, or one that says less; false where the text is not valid.
+fn state<T: Statement>(known: &mut Option<T>, key: &str, text: &str) -> Result<bool> {
+    let Some(value) = T::of_text(text) else { return Ok(false) };
+    let old = known.as_ref().map(T::to_text);
+    match old.filter(|old| !goes_on(text, old)) {
+        None => *known = Some(value),
+        Some(old) if goes_on(&old, text) => {}
+        Some(old) => {
             let message =
-                format!("states \"{key} {known}\" and \"{key} {text}\", which cannot both be");
+                format!("states \"{key} {old}\" and \"{key} {text}\", which cannot both be");
             return Err(Error::bad_input(message)
                 .remedy("make the mesh again, or remove one of these comments"));
         }
-        Ok(())
     }
+    Ok(true)
 }
 
 /// True when a text is another one, or goes on behind it with more words.
@@ -209,33 +152,27 @@ fn goes_on(text: &str, start: &str) -> bool {
 }
 
 /// A type of values that headers state.
-pub trait Statement: Sized {
-    /// The value in words.
+trait Statement: Sized {
     fn to_text(&self) -> String;
 
-    /// The value of these words, if they are one.
     fn of_text(text: &str) -> Option<Self>;
 }
 
-impl Statement for String {
-    fn to_text(&self) -> String {
-        self.clone()
-    }
+macro_rules! words {
+    ($($type:ty),+) => {$(
+        impl Statement for $type {
+            fn to_text(&self) -> String {
+                self.to_string()
+            }
 
-    fn of_text(text: &str) -> Option<Self> {
-        Some(text.to_owned())
-    }
+            fn of_text(text: &str) -> Option<Self> {
+                text.parse().ok()
+            }
+        }
+    )+};
 }
 
-impl Statement for Bound {
-    fn to_text(&self) -> String {
-        self.to_string()
-    }
-
-    fn of_text(text: &str) -> Option<Self> {
-        text.parse().ok()
-    }
-}
+words!(String, Bound);
 
 /// Numbers with commas between them: "3,1".
 impl<T: Display + FromStr> Statement for Vec<T> {
@@ -271,34 +208,28 @@ impl Statement for MaxError {
     }
 }
 
-/// What of vertices is fitted: "heights".
+/// Vertices lie above or below their samples: "heights".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fitted {
-    /// They lie above or below their samples.
-    Heights,
-}
+pub struct FittedHeights;
 
-impl Statement for Fitted {
+impl Statement for FittedHeights {
     fn to_text(&self) -> String {
         "heights".to_owned()
     }
 
     fn of_text(text: &str) -> Option<Self> {
-        (text == "heights").then_some(Self::Heights)
+        (text == "heights").then_some(Self)
     }
 }
 
-/// The smallest angle that a triangle may have, in degrees from 0 to 60.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LeastAngle(pub f64);
-
-impl Statement for LeastAngle {
+/// The smallest angle of a triangle.
+impl Statement for f64 {
     fn to_text(&self) -> String {
-        self.0.to_string()
+        self.to_string()
     }
 
     fn of_text(text: &str) -> Option<Self> {
-        text.parse().ok().filter(|degrees| (0.0..=60.0).contains(degrees)).map(Self)
+        text.parse().ok().filter(|degrees| (0.0..=60.0).contains(degrees))
     }
 }
 
@@ -331,28 +262,28 @@ impl Statement for HeightBand {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use terrane_base::error::ErrorKind;
 
     /// Every promise, and its line.
     fn all() -> (Promises, [&'static str; 16]) {
-        let text = |text: &str| Stated::Value(text.to_owned());
+        let text = |text: &str| Some(text.to_owned());
         let unit = Some("US survey foot".to_owned());
         let promises = Promises {
             crs: text("EPSG:32611 (WGS 84 / UTM zone 11N)"),
             source: text("a.tif and 3 more"),
-            max_error: Stated::Value(MaxError { value: 1.5, unit }),
-            bound: Stated::Value(Bound::Surface),
-            fitted: Stated::Value(Fitted::Heights),
+            max_error: Some(MaxError { value: 1.5, unit }),
+            bound: Some(Bound::Surface),
+            fitted: Some(FittedHeights),
             triangulation: text("data-dependent"),
-            min_angle: Stated::Value(LeastAngle(20.5)),
+            min_angle: Some(20.5),
             clip: text("area.fgb"),
             water: text("sea.fgb"),
             keep_points: text("peaks.geojson"),
             breaklines: text("roads.fgb"),
-            bands: Stated::Value(vec![3, 1]),
-            weights: Stated::Value(vec![0.5, 2.0]),
-            heights: Stated::Value(HeightBand::Band(1)),
+            bands: Some(vec![3, 1]),
+            weights: Some(vec![0.5, 2.0]),
+            heights: Some(HeightBand::Band(1)),
             transformed_from: text("EPSG:4326"),
+            invalid: Vec::new(),
             unknown: vec!["size small".to_owned()],
         };
         let lines = [
@@ -409,9 +340,13 @@ mod tests {
             let lines = stated.iter().map(|(key, text)| format!("{key} {text}")).chain(unknown);
             let lines: Vec<_> = lines.map(|line| line.trim_end().to_owned()).collect();
             let promises = Promises::parse(&lines).unwrap();
-            let keys: std::collections::BTreeSet<_> = promises.statements().map(|(k, _)| k).collect();
-            prop_assert!(keys.iter().eq(stated.keys()), "{keys:?}");
-            prop_assert_eq!(promises.unknown.len() + keys.len(), lines.len());
+            let valid = promises.statements().map(|(key, _)| key);
+            let found = valid.chain(promises.invalid.iter().map(String::as_str));
+            let found: Vec<_> = found.chain(promises.unknown.iter().map(String::as_str)).collect();
+            prop_assert_eq!(found.len(), lines.len());
+            for line in &lines {
+                prop_assert!(found.iter().any(|key| line.starts_with(key)), "{}", line);
+            }
             prop_assert_eq!(Promises::parse(promises.to_lines()).unwrap(), promises);
         }
     }
@@ -429,15 +364,14 @@ mod tests {
             let details = details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
             let info = MeshInfo { details, ..MeshInfo::plain("test", 0, 0) };
             let promises = info.promises().unwrap();
-            let found = promises.max_error.get().unwrap();
-            assert_eq!(found.map(|error| error.value), value, "{info:?}");
-            assert_eq!(found.and_then(|error| error.unit.as_deref()), unit, "{info:?}");
-            assert!(promises.bound.is_nothing(), "{info:?}");
+            let error = value.map(|value| MaxError { value, unit: unit.map(str::to_owned) });
+            assert_eq!(promises, Promises { max_error: error, ..promises.clone() }, "{info:?}");
+            assert_eq!(promises.bound, None, "{info:?}");
         }
     }
 
     #[test]
-    fn statements_that_cannot_be_understood_are_refused() {
+    fn statements_that_cannot_be_understood_are_kept_apart() {
         for line in [
             "max error unknown",
             "max error -1",
@@ -455,21 +389,9 @@ mod tests {
             "weights",
             "heights band",
         ] {
-            let Promises { max_error, bound, fitted, min_angle, bands, weights, heights, .. } =
-                Promises::parse([line]).unwrap();
-            let results = [
-                max_error.get().map(drop),
-                bound.get().map(drop),
-                fitted.get().map(drop),
-                min_angle.get().map(drop),
-                bands.get().map(drop),
-                weights.get().map(drop),
-                heights.get().map(drop),
-            ];
-            let errors: Vec<_> = results.into_iter().filter_map(Result::err).collect();
-            assert_eq!(errors.len(), 1, "{line}");
-            assert_eq!(errors[0].kind(), ErrorKind::BadInput);
-            assert!(errors[0].to_string().contains(line), "{}", errors[0]);
+            let invalid = vec![line.to_owned()];
+            let expected = Promises { invalid, ..Promises::default() };
+            assert_eq!(Promises::parse([line]).unwrap(), expected);
         }
         let error = Promises::parse(["max error 2", "max error 20"]).unwrap_err().to_string();
         assert!(error.contains("\"max error 2\" and \"max error 20\""), "{error}");

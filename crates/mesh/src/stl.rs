@@ -93,8 +93,8 @@ fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
     }
     let needed = [
-        (!promises.fitted.is_nothing(), "‹fit›", "that heights are fitted"),
-        (!promises.min_angle.is_nothing(), "‹min_angle›", "the smallest angle"),
+        (promises.fitted.is_some(), "‹fit›", "that heights are fitted"),
+        (promises.min_angle.is_some(), "‹min_angle›", "the smallest angle"),
     ];
     let stated = stated(promises);
     if text.len() + stated.len() <= TITLE_BYTES {
@@ -245,23 +245,16 @@ impl StlSource {
         let known = place(title);
         let (origin, scale) = known.unwrap_or(([0.0; 3], [1.0; 3]));
         let title = String::from_utf8_lossy(title).trim_matches([' ', '\0']).to_owned();
+        let stated = known.map_or_else(Vec::new, |_| statements(&title));
         let info = MeshInfo {
-            vertices: 3 * triangles,
-            triangles,
-            format: FORMAT.name,
             origin,
             scale,
             single_precision: true,
             indexed: false,
             solid: known.is_some() && is_solid(&input, triangles)?,
-            crs: None,
-            systems: Vec::new(),
-            channels: Vec::new(),
-            details: Vec::new(),
+            details: std::iter::once(("title".to_owned(), title)).chain(stated).collect(),
+            ..MeshInfo::plain(FORMAT.name, 3 * triangles, triangles)
         };
-        let stated = known.map_or_else(Vec::new, |_| statements(&title));
-        let details = std::iter::once(("title".to_owned(), title)).chain(stated).collect();
-        let info = MeshInfo { details, ..info };
         Ok(Self { input, info })
     }
 }

@@ -1,5 +1,6 @@
 //! Numbers and comments as text.
 
+use crate::channels::facts;
 use crate::{FORMATS, MeshHeader, MeshInfo, Promises};
 
 /// Appends the shortest text that reads back as exactly `value` (finite): "12", "0.1", "1e300".
@@ -39,18 +40,13 @@ pub(super) fn f64_text(value: f64) -> String {
 
 /// The comment lines of a mesh file: who wrote it, its CRS, and what it promises.
 pub(super) fn comments(header: &MeshHeader) -> Vec<String> {
-    let crs = (!header.crs.is_unknown()).then(|| header.crs.label()).into();
+    let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     signed(&Promises { crs, ..header.promises.clone() })
 }
 
 /// Who wrote a mesh, and what it promises. One line each and plain ASCII, because PLY readers insist on both.
 pub(super) fn signed(promises: &Promises) -> Vec<String> {
     std::iter::once(generator()).chain(promises.to_lines()).map(|line| plain(&line)).collect()
-}
-
-/// The CRS that comments name, unless they contradict each other.
-pub(super) fn crs(comments: &[String]) -> Option<String> {
-    Promises::parse(comments).ok()?.crs.text()
 }
 
 /// Name and version of this program.
@@ -75,6 +71,16 @@ impl MeshInfo {
             channels: Vec::new(),
             details: Vec::new(),
         }
+    }
+
+    /// With comments among the details, and with what they state of the CRS and of channels, unless they contradict
+    /// each other.
+    pub(super) fn with_comments(mut self, comments: impl IntoIterator<Item = String>) -> Self {
+        self.details.extend(comments.into_iter().map(|text| ("comment".to_owned(), text)));
+        let promises = self.promises().unwrap_or_default();
+        self.details.extend(facts(&self.channels, &promises));
+        self.crs = self.crs.or(promises.crs);
+        self
     }
 
     /// True when the file bears this program's mark: its name and version, or in STL the recorded

@@ -19,7 +19,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Point3};
 use terrane_cloud::{CloudInfo, PointSource};
 use terrane_files::folder_for;
-use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions, Stated};
+use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions};
 
 /// How the memory is divided.
 pub(super) struct Division {
@@ -195,10 +195,10 @@ fn header(
     }
     let unit = vertical_unit(&info.crs).map(str::to_owned);
     let promises = Promises {
-        source: Stated::Value(source.to_owned()),
-        max_error: Stated::Value(MaxError { value: job.tolerance, unit }),
-        keep_points: job.keep_points.as_deref().map(beside::label_of).into(),
-        breaklines: job.breaklines.as_deref().map(beside::label_of).into(),
+        source: Some(source.to_owned()),
+        max_error: Some(MaxError { value: job.tolerance, unit }),
+        keep_points: job.keep_points.as_deref().map(beside::label_of),
+        breaklines: job.breaklines.as_deref().map(beside::label_of),
         ..Promises::default()
     };
     let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));

@@ -70,8 +70,7 @@ impl System {
 
 /// The unit of the tolerance that a mesh states.
 fn stated_unit(info: &MeshInfo) -> Option<String> {
-    let promises = info.promises().ok()?;
-    let unit = promises.max_error.get().ok()??.unit.clone()?;
+    let unit = info.promises().ok()?.max_error?.unit?;
     metres_in(&unit).map(|_| unit)
 }
 

@@ -154,8 +154,9 @@ fn told(error: f64, system: &System) -> String {
 
 /// What a mesh states of itself.
 fn stated(info: &MeshInfo) -> Vec<(&'static str, Value)> {
-    let told = info.promises().ok().and_then(|promises| promises.max_error.text());
-    told.map(|told| ("Largest error stated", json!(told))).into_iter().collect()
+    let promises = info.promises().unwrap_or_default();
+    let told = promises.statements().filter(|(key, _)| *key == "max error");
+    told.map(|(_, text)| ("Largest error stated", json!(text))).collect()
 }
 
 /// To what step positions and heights are told.

@@ -6,9 +6,7 @@ use super::{Tin, height_origin_of};
 use crate::placing::{Placed, Placing};
 use terrane_base::geom::Rounding;
 use terrane_base::{Error, Result};
-use terrane_mesh::{
-    self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, Stated,
-};
+use terrane_mesh::{self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions};
 
 /// Vertices or triangles handed to a sink at once.
 const BATCH: usize = 1 << 14;
@@ -77,7 +75,7 @@ impl Tin {
         let [x, y, _] = header.origin;
         header.origin = placed.origin([x, y, origin], header.bounds);
         (header.scale, header.unit) = (placed.scale, placed.unit);
-        if let Stated::Value(stated) = &mut header.promises.max_error
+        if let Some(stated) = &mut header.promises.max_error
             && tolerance > self.tolerance
         {
             stated.value = tolerance;
@@ -108,7 +106,7 @@ impl Tin {
             return Err(Error::unsupported(message).in_file(path).remedy("write PLY or OBJ"));
         }
         // What is known of samples is not known of what lies between them.
-        let error = if promises.bound.is_nothing() { self.max_error } else { self.tolerance };
+        let error = if promises.bound.is_none() { self.max_error } else { self.tolerance };
         Ok((placed, origin, self.tolerance.max((error + loss).next_up())))
     }
 

@@ -30,8 +30,8 @@ use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use terrane_files::folder_for;
 use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
-    self as mesh, Channel, Fitted, LeastAngle, MaxError, MeshFormat, MeshHeader, MeshSink,
-    Promises, SinkOptions, Stated, check_prj, write_prj,
+    self as mesh, Channel, FittedHeights, MaxError, MeshFormat, MeshHeader, MeshSink, Promises,
+    SinkOptions, check_prj, write_prj,
 };
 use terrane_methods::Triangulation;
 use terrane_raster::{
@@ -161,7 +161,7 @@ impl Carried {
             bands.promise(promises, tolerance);
         }
         if let Some(name) = self.triangulation {
-            promises.triangulation = Stated::Value(name.to_owned());
+            promises.triangulation = Some(name.to_owned());
         }
     }
 }
@@ -497,18 +497,17 @@ pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64
 fn promises(from: Origin<'_>, spec: &Spec, unit: Option<String>) -> Promises {
     let [kept, lines] = from.refinement.files();
     Promises {
-        source: Stated::Value(from.input.to_owned()),
-        max_error: Stated::Value(MaxError { value: spec.tolerance, unit }),
-        bound: (spec.bound != Bound::Samples).then_some(spec.bound).into(),
-        fitted: spec.fit.then_some(Fitted::Heights).into(),
+        source: Some(from.input.to_owned()),
+        max_error: Some(MaxError { value: spec.tolerance, unit }),
+        bound: (spec.bound != Bound::Samples).then_some(spec.bound),
+        fitted: spec.fit.then_some(FittedHeights),
         triangulation: (spec.data_dependent)
-            .then(|| Triangulation::DataDependent.name().to_owned())
-            .into(),
-        min_angle: spec.min_angle.map(|least| LeastAngle(least.degrees())).into(),
-        clip: from.clip.into(),
-        water: from.water.into(),
-        keep_points: kept.map(beside::label_of).into(),
-        breaklines: lines.map(beside::label_of).into(),
+            .then(|| Triangulation::DataDependent.name().to_owned()),
+        min_angle: spec.min_angle.map(|least| least.degrees()),
+        clip: from.clip,
+        water: from.water,
+        keep_points: kept.map(beside::label_of),
+        breaklines: lines.map(beside::label_of),
         ..Promises::default()
     }
 }
@@ -520,7 +519,7 @@ impl Frame {
         header.crs = self.crs.clone();
         header.bounds = self.bounds;
         header.origin = origin(self.bounds, height);
-        header.promises.transformed_from = Stated::Value(operation.source().label());
+        header.promises.transformed_from = Some(operation.source().label());
     }
 }
 

@@ -14,7 +14,7 @@ use crate::{Cancel, Progress};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
-use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises, Stated};
+use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
 use terrane_raster::GridSource;
 
 /// Bands that a mesh is to be held to.
@@ -60,12 +60,9 @@ impl Proof<'_> {
     /// Proves every channel and the heights; returns the reference system of the grid, too.
     pub(super) fn run(&self, asked: &AskedBands) -> Result<(VerifyReport, Crs)> {
         let in_mesh = |e: Error| e.in_file(&self.job.mesh);
-        let heights = heights(self.stated, asked).map_err(in_mesh)?;
+        let heights = asked.heights.map(HeightBand::Band).or(self.stated.heights);
         let bands = bands((self.mesh.info(), self.stated), asked).map_err(in_mesh)?;
-        let tolerance = match self.job.tolerance {
-            Some(tolerance) => Some(tolerance),
-            None => tolerance(self.stated).map_err(in_mesh)?,
-        };
+        let tolerance = self.job.tolerance.or(tolerance(self.stated));
         let in_raster = |e: Error| e.in_file(Path::new(&self.job.raster.to_string()));
         let cache = cache_beside(self.job.resources.memory);
         let options = self.job.reading.options(&self.job.resources, cache)?;
@@ -174,23 +171,16 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
     }
 }
 
-/// What the mesh says of its heights, if the job does not.
-fn heights(stated: &Promises, asked: &AskedBands) -> Result<Option<HeightBand>> {
-    match asked.heights {
-        Some(band) => Ok(Some(HeightBand::Band(band))),
-        None => Ok(stated.heights.get()?.copied()),
-    }
-}
-
 /// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
 fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<Bands> {
     let label = label(&asked.bands);
-    if let Some(text) = stated.bands.text().filter(|text| *text != label) {
-        let message = format!("the mesh states that it was made of bands {text}, not {label}");
-        return Err(Error::usage(message).remedy(format!("pass ‹bands› {text}")));
+    if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != asked.bands) {
+        let others = self::label(others);
+        let message = format!("the mesh states that it was made of bands {others}, not {label}");
+        return Err(Error::usage(message).remedy(format!("pass ‹bands› {others}")));
     }
     let weights = match asked.weights.is_empty() {
-        true => stated.weights.get()?.cloned().unwrap_or_default(),
+        true => stated.weights.clone().unwrap_or_default(),
         false => asked.weights.clone(),
     };
     let bands = Bands::new(&asked.bands, &weights, asked.heights)?;
@@ -211,11 +201,6 @@ fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<B
 /// What is told of a mesh that states bands, where none were named: it is judged without them.
 pub(super) fn not_judged(label: &str) -> String {
     format!("how its channels keep to bands {label} (‹bands›)")
-}
-
-/// True when a mesh states that it has no heights.
-pub(super) fn is_flat(stated: &Promises) -> bool {
-    stated.heights == Stated::Value(HeightBand::None)
 }
 
 /// A promise that is not about bands and that this mesh was not asked for.

@@ -248,7 +248,7 @@ impl<O: Original> MeshReport<O> {
             open_edges: tally.open_edges,
             non_delaunay_edges: fault(&tally.non_delaunay),
             delaunay: found.is_delaunay && mesh.is_own() && !is_silent(mesh, stated),
-            source: stated.source.text(),
+            source: stated.source.clone(),
             smallest_angle: tally.smallest_angle,
             angle_histogram: tally.angles.to_vec(),
             run: Figures::default(),
@@ -306,5 +306,5 @@ impl<O: Original> MeshReport<O> {
 
 /// True for files whose header had no room for what they promise: STL, which then states no bound either.
 fn is_silent(mesh: &MeshInfo, stated: &Promises) -> bool {
-    !mesh.names_crs() && stated.max_error.is_nothing()
+    !mesh.names_crs() && stated.max_error.is_none()
 }

@@ -132,7 +132,7 @@ impl Header<'_> {
 
     /// Judges the unit behind the tolerance; a tolerance of several bands has none.
     fn unit_of_error(&self, verdict: &mut Verdict) {
-        let Ok(Some(MaxError { unit, .. })) = self.stated.max_error.get() else { return };
+        let Some(MaxError { unit, .. }) = &self.stated.max_error else { return };
         match (unit.as_deref(), vertical_unit(self.crs)) {
             (Some(theirs), Some(ours)) if !is_same(theirs, ours) => verdict.fail(format!(
                 "the mesh states its largest error in {theirs}, and heights of the {} are in {ours}",
@@ -157,7 +157,7 @@ impl Header<'_> {
 
     /// True for a mesh of terrane's own that may state a unit beside its tolerance.
     fn has_room_for_units(&self) -> bool {
-        self.info.is_own() && self.info.names_crs() && self.stated.bands.is_nothing()
+        self.info.is_own() && self.info.names_crs() && self.stated.bands.is_none()
     }
 
     /// Judges the unit that the format itself states. What is stored in a scale of its own is a print, or degrees

@@ -24,7 +24,7 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use self::header::{Header, judge_bounds};
-use crate::bands::Joined;
+use crate::bands::{Joined, label};
 use crate::figures::Figures;
 use crate::kept::{Features, Kept};
 use crate::memory::{PROGRAM, beside_program, cache_beside, short};
@@ -34,7 +34,7 @@ use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
 use terrane_files::Buckets;
-use terrane_mesh::{self as mesh, MeshSource, Promises};
+use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
 use terrane_methods::{METHODS, Triangulation};
 use terrane_proof::{Layout, Precision, Snapper};
 use terrane_raster::{self as raster, GridSource, Inputs};
@@ -84,7 +84,16 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    let stated = mesh.info().promises().map_err(|e| e.in_file(&job.mesh))?;
+    let of_bands = job.bands.as_ref();
+    let options = [
+        ("max error", "‹max_error›", job.tolerance.is_some()),
+        ("bound", "‹bound›", job.bound.is_some()),
+        ("min angle", "‹min_angle›", job.min_angle.is_some()),
+        ("bands", "‹bands›", of_bands.is_none()),
+        ("weights", "‹weights›", of_bands.is_none_or(|asked| !asked.weights.is_empty())),
+        ("heights", "‹band›", of_bands.is_none_or(|asked| asked.heights.is_some())),
+    ];
+    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.mesh))?;
     check_system(&stated).map_err(|e| e.in_file(&job.mesh))?;
     let (mut report, crs) = match &job.bands {
         Some(bands) => {
@@ -106,7 +115,7 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
 
 /// Fails for a mesh that was taken to another system when it was written.
 fn check_system(stated: &Promises) -> Result<()> {
-    let Some(from) = stated.transformed_from.as_deref() else { return Ok(()) };
+    let Some(from) = &stated.transformed_from else { return Ok(()) };
     let message = format!("was transformed from {from}, where its vertices are samples");
     Err(Error::unsupported(message).remedy("verify the mesh as it is made without ‹to_crs›"))
 }
@@ -129,15 +138,11 @@ fn heights(
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
     let crs = grid.info().crs.clone();
-    let in_file = |e: Error| e.in_file(&job.mesh);
-    let made_of = stated.bands.text();
-    let tolerance = match (job.tolerance, &made_of) {
-        (Some(tolerance), _) => Some(tolerance),
-        // What it states is the tolerance of its bands.
-        (None, Some(_)) => None,
-        (None, None) => tolerance(stated).map_err(in_file)?,
-    };
-    let grid = match made_of.filter(|_| bands::is_flat(stated)) {
+    let made_of = stated.bands.as_deref().map(label);
+    // What a mesh of bands states is their tolerance.
+    let of_heights = tolerance(stated).filter(|_| made_of.is_none());
+    let tolerance = job.tolerance.or(of_heights);
+    let grid = match made_of.filter(|_| stated.heights == Some(HeightBand::None)) {
         None => grid,
         Some(label) if tolerance.is_some() => {
             return Err(Error::usage("the mesh has no heights that could be so far off")
@@ -146,14 +151,8 @@ fn heights(
         }
         Some(_) => Joined::of(grid).flat(),
     };
-    let bound = match job.bound {
-        Some(bound) => bound,
-        None => stated.bound.get().map_err(in_file)?.copied().unwrap_or_default(),
-    };
-    let min_angle = match job.min_angle {
-        Some(degrees) => Some(degrees),
-        None => stated.min_angle.get().map_err(in_file)?.map(|angle| angle.0),
-    };
+    let bound = job.bound.or(stated.bound).unwrap_or_default();
+    let min_angle = job.min_angle.or(stated.min_angle);
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let water = options.water.as_ref();
@@ -163,9 +162,29 @@ fn heights(
     Ok((report, crs))
 }
 
+/// What a mesh states; `options` are the key of a statement, the option in its place, and whether it may be wrong, as
+/// this is given or nothing is judged by it.
+///
+/// # Errors
+/// Statements that contradict each other, and those that are not valid and that no option replaces: to ignore them
+/// would leave promises unjudged.
+fn stated(mesh: &MeshInfo, options: &[(&str, &str, bool)]) -> Result<Promises> {
+    let stated = mesh.promises()?;
+    for line in &stated.invalid {
+        let remedy = match options.iter().find(|(key, ..)| line.starts_with(key)) {
+            Some((.., true)) => continue,
+            Some((_, option, _)) => format!("give {option} in its place"),
+            None => "make the mesh again, or remove this comment".to_owned(),
+        };
+        let message = format!("states \"{line}\", which is not valid");
+        return Err(Error::bad_input(message).remedy(remedy));
+    }
+    Ok(stated)
+}
+
 /// The tolerance that a mesh states.
-fn tolerance(stated: &Promises) -> Result<Option<f64>> {
-    Ok(stated.max_error.get()?.map(|error| error.value))
+fn tolerance(stated: &Promises) -> Option<f64> {
+    stated.max_error.as_ref().map(|error| error.value)
 }
 
 /// True unless vertices are connected in a way that is not Delaunay: "triangulation data-dependent", or the
@@ -174,11 +193,11 @@ fn tolerance(stated: &Promises) -> Result<Option<f64>> {
 /// # Errors
 /// A name that is not known: to believe it would leave edges unjudged.
 fn is_delaunay(stated: &Promises) -> Result<bool> {
-    let Some(name) = stated.triangulation.as_deref() else { return Ok(true) };
+    let Some(name) = &stated.triangulation else { return Ok(true) };
     let mut others = METHODS.iter().filter(|method| !method.is_delaunay);
     match name.parse::<Triangulation>() {
         Ok(known) => Ok(known == Triangulation::Delaunay),
-        Err(_) if others.any(|method| method.name == name) => Ok(false),
+        Err(_) if others.any(|method| method.name == *name) => Ok(false),
         Err(_) => {
             Err(Error::bad_input(format!("states \"triangulation {name}\", which is not known"))
                 .remedy("make the mesh again, or remove this comment: its edges are judged then"))
@@ -192,7 +211,8 @@ fn tell_of_files(stated: &Promises, job: &VerifyJob, verdict: &mut Verdict) {
         verdict.failures.extend((!verdict.passed).then_some(told));
         verdict.leave(left);
     };
-    if let Some(label) = stated.bands.text().filter(|_| job.bands.is_none()) {
+    if let Some(bands) = stated.bands.as_deref().filter(|_| job.bands.is_none()) {
+        let label = label(bands);
         tell(
             format!(
                 "the mesh states that it was made of bands {label}, and voids of all: pass ‹bands› {label}"
@@ -212,9 +232,10 @@ fn tell_of_files(stated: &Promises, job: &VerifyJob, verdict: &mut Verdict) {
             format!("whether the water of {file} is level (‹water›)"),
         );
     }
-    if job.bands.is_none() && stated.bands.is_nothing() {
-        let Promises { weights, heights, .. } = stated.clone();
-        for line in (Promises { weights, heights, ..Promises::default() }).to_lines() {
+    if job.bands.is_none() && stated.bands.is_none() {
+        let known = Promises { unknown: Vec::new(), ..stated.clone() }.to_lines();
+        let keys = ["bands", "weights", "heights"];
+        for line in known.iter().filter(|line| keys.iter().any(|key| line.starts_with(key))) {
             verdict.leave(format!("the statement \"{line}\", without bands"));
         }
     }
@@ -384,7 +405,7 @@ impl<'a> Context<'a> {
         Ok(Self {
             grid,
             asked,
-            is_fitted: stated.fitted.get()?.is_some(),
+            is_fitted: stated.fitted.is_some(),
             is_delaunay: is_delaunay(&stated)?,
             stated,
             snapper: Snapper::new(map, size, info.origin, info.single_precision),

@@ -9,7 +9,7 @@ use super::{
     BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, PACKED, POINTS, TRIANGLES, UNSIGNED_INT, VERSION,
     meshopt, to_z_up,
 };
-use crate::channels::{COLOURS, facts, from_linear, from_opacity, linear};
+use crate::channels::{COLOURS, from_linear, from_opacity, linear};
 use crate::input::{Input, check_corners, check_position, check_range};
 use crate::local::{is_scale, to_world};
 use crate::{MeshInfo, MeshSource};
@@ -174,40 +174,35 @@ impl GlbSource {
         let triangles = if is_points { 0 } else { corners / 3 };
         let colours = primitive.map(|p| layout.colours(p, vertices)).transpose()?.flatten();
         let (colours, parts) = colours.map_or((None, 0), |(span, parts)| (Some(span), parts));
-        let mut info = info(&document.asset, vertices, triangles, indices.is_some() || is_points);
+        let channels = COLOURS[..parts].iter().map(|name| (*name).to_owned()).collect();
+        let plain = MeshInfo {
+            channels,
+            indexed: indices.is_some() || is_points,
+            ..MeshInfo::plain(FORMAT.name, vertices, triangles)
+        };
+        let mut info = info(&document.asset, plain);
         if document.buffer_views.iter().any(|view| view.extensions.packed.is_some()) {
             info.format = PACKED.name;
-        }
-        if parts > 0 {
-            info.channels = COLOURS[..parts].iter().map(|name| (*name).to_owned()).collect();
-            let promises = info.promises().unwrap_or_default();
-            info.details.extend(facts(&info.channels, &promises));
         }
         Ok(Self { input, positions, bounds, indices, colours, parts, light: linear(), info })
     }
 }
 
-fn info(asset: &Asset, vertices: u64, triangles: u64, indexed: bool) -> MeshInfo {
+fn info(asset: &Asset, plain: MeshInfo) -> MeshInfo {
     let extras = &asset.extras;
     let origin = serde_json::from_value::<Point3>(extras["origin"].clone()).unwrap_or_default();
     let scale = serde_json::from_value::<Point3>(extras["scale"].clone()).ok();
     let generator = asset.generator.iter().map(|name| ("generator".to_owned(), name.clone()));
     let comments = extras["comments"].as_array().into_iter().flatten().filter_map(|c| c.as_str());
-    let comments = comments.map(|text| ("comment".to_owned(), text.to_owned()));
-    MeshInfo {
-        vertices,
-        triangles,
-        format: FORMAT.name,
+    let info = MeshInfo {
         origin,
         scale: scale.filter(is_scale).unwrap_or([1.0; 3]),
         single_precision: true,
-        indexed,
-        solid: false,
         crs: extras["crs"].as_str().map(str::to_owned),
-        systems: Vec::new(),
-        channels: Vec::new(),
-        details: generator.chain(comments).collect(),
-    }
+        details: generator.collect(),
+        ..plain
+    };
+    info.with_comments(comments.map(str::to_owned))
 }
 
 /// The JSON document, and where the binary data begins and how much there is.

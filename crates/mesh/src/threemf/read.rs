@@ -11,7 +11,6 @@ use super::{FORMAT, MODEL, PREFIX, RELATIONS};
 use crate::input::{Input, check_corners, check_range};
 use crate::local::{is_scale, to_world};
 use crate::obj_index::{Mark, SparseIndex};
-use crate::text;
 use crate::xml::{Part, Tag, Xml};
 use crate::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -176,19 +175,17 @@ impl Found {
     }
 
     fn info(self, vertices: u64, triangles: u64) -> MeshInfo {
-        let crs = text::crs(&self.comments);
         let application = self.application.map(|name| ("generator".to_owned(), name));
         let unit = self.unit.map(|unit| ("unit".to_owned(), unit));
-        let comments = self.comments.into_iter().map(|text| ("comment".to_owned(), text));
-        MeshInfo {
+        let info = MeshInfo {
             origin: self.origin.unwrap_or_default(),
             scale: self.scale.unwrap_or([1.0; 3]),
             single_precision: true,
             solid: self.origin.is_some() && self.is_solid,
-            crs,
-            details: application.into_iter().chain(comments).chain(unit).collect(),
+            details: application.into_iter().chain(unit).collect(),
             ..MeshInfo::plain(FORMAT.name, vertices, triangles)
-        }
+        };
+        info.with_comments(self.comments)
     }
 }
 

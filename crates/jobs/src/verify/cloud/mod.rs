@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::header::{Header, judge_bounds};
-use super::{Work, is_delaunay, leave_files, open_mesh};
+use super::{Work, is_delaunay, leave_files, open_mesh, stated, tolerance};
 use crate::kept::Features;
 use crate::memory::with_polygons;
 use crate::on_cloud::OnCloud;
@@ -26,7 +26,7 @@ use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
-use terrane_mesh::{MeshSource, Promises, Stated};
+use terrane_mesh::{MeshSource, Promises};
 use terrane_proof::cloud::{Bound, Placer};
 
 pub use report::{CloudVerifyReport, OfCloud};
@@ -61,12 +61,10 @@ pub fn verify_cloud(
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    let stated = mesh.info().promises().map_err(|e| e.in_file(&job.mesh))?;
+    let options = [("max error", "‹max_error›", job.tolerance.is_some())];
+    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.mesh))?;
     let source = cloud::source(&job.inputs, &job.options)?;
-    let tolerance = match job.tolerance {
-        Some(tolerance) => Some(tolerance),
-        None => super::tolerance(&stated).map_err(|e| e.in_file(&job.mesh))?,
-    };
+    let tolerance = job.tolerance.or(tolerance(&stated));
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let features = Features::read_for_cloud(points, lines, &job.resources)?;
     let cloud = job.inputs.join(" ");
@@ -85,8 +83,8 @@ pub fn verify_cloud(
     report.run.memory_budget = job.resources.memory;
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
-    for line in of_grids(&stated).to_lines() {
-        report.verdict.leave(format!("the statement \"{line}\", as no cloud keeps it"));
+    for (key, text) in stated.statements().filter(|(key, _)| !OF_CLOUDS.contains(key)) {
+        report.verdict.leave(format!("the statement \"{key} {text}\", as no cloud keeps it"));
     }
     let given = [job.keep_points.is_some(), job.breaklines.is_some()];
     leave_files(&stated, given, &mut report.verdict);
@@ -94,19 +92,9 @@ pub fn verify_cloud(
     Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
 }
 
-/// What a mesh states beside what is judged of meshes of clouds.
-fn of_grids(stated: &Promises) -> Promises {
-    Promises {
-        crs: Stated::Nothing,
-        source: Stated::Nothing,
-        max_error: Stated::Nothing,
-        triangulation: Stated::Nothing,
-        keep_points: Stated::Nothing,
-        breaklines: Stated::Nothing,
-        unknown: Vec::new(),
-        ..stated.clone()
-    }
-}
+/// What begins statements that are judged beside a cloud, or promise nothing.
+const OF_CLOUDS: [&str; 6] =
+    ["crs", "source", "max error", "triangulation", "keep points", "breaklines"];
 
 /// Proves `mesh` against the points of `source`, and that it keeps what it has to of files; what the two hold themselves is not part of the
 /// memory budget, of which this takes about half.
@@ -169,7 +157,7 @@ impl<'a> Context<'a> {
         work.set_aside(kept.bytes());
         let stated = work.mesh.info().promises()?;
         let is_delaunay = is_delaunay(&stated)?;
-        let has_posts = !kept.has_lines() && !stated.breaklines.is_nothing();
+        let has_posts = !kept.has_lines() && stated.breaklines.is_some();
         let (frame, mesh) = (source.info().frame, work.mesh.info());
         let reach = kept.and_heights(bounds);
         let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);

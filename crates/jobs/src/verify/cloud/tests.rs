@@ -88,7 +88,7 @@ fn proved_with(
     resources: &Resources,
 ) -> CloudVerifyReport {
     let stated = mesh.info().promises().unwrap();
-    let asked = (super::super::tolerance(&stated).unwrap(), features);
+    let asked = (stated.max_error.map(|error| error.value), features);
     let report = prove_cloud(mesh, cloud, asked, resources, &Silent, &Cancel::default()).unwrap();
     // What may differ from run to run, leave out.
     CloudVerifyReport {
