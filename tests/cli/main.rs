@@ -33,6 +33,7 @@ mod operation_values;
 mod operations;
 mod parts;
 mod pipes;
+mod plan_asked;
 mod plan_cloud;
 mod plan_forecast;
 mod plan_grid;

@@ -18,6 +18,13 @@ pub trait Format: Named {
         self.extensions().iter().any(is_it)
     }
 
+    /// The error of a file of it whose name has another ending.
+    fn wrong_ending(&self, path: &Path) -> Error {
+        Error::usage(format!("{} cannot have this ending", self.name()))
+            .in_file(path)
+            .remedy(format!("end the name in {}", self.endings()))
+    }
+
     /// Its endings in words.
     fn endings(&self) -> String {
         self.extensions().iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ")

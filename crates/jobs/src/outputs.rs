@@ -3,8 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
+use terrane_files::format::Format;
 use terrane_files::{atomic, path_of};
+use terrane_mesh as mesh;
 use terrane_raster::{self as raster, GridSource};
+use terrane_vector as vector;
 
 /// Fails when one of `outputs` is one of `files`, or another output.
 pub fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
@@ -38,6 +41,36 @@ fn taken(file: &Path) -> Error {
     Error::usage("output is the input itself, or two outputs have this name")
         .in_file(file)
         .remedy("choose another name")
+}
+
+/// Endings that name a file of points, of tiles of others, or of a tile.
+const OF_FILES: [&str; 11] =
+    ["las", "laz", "copc", "pmtiles", "mbtiles", "3tz", "zip", "tar", "terrain", "b3dm", "subtree"];
+
+/// The ending of a name, where it is that of a file of some format.
+fn known_ending(output: &Path) -> Option<String> {
+    let ending = output.extension()?.to_str()?.to_lowercase();
+    let all = [
+        raster::FORMATS.iter().flat_map(|known| known.extensions).collect::<Vec<_>>(),
+        mesh::FORMATS.iter().flat_map(|known| known.extensions).collect(),
+        vector::FORMATS.iter().flat_map(|known| known.extensions).collect(),
+        OF_FILES.iter().collect(),
+    ];
+    all.concat().into_iter().any(|known| *known == ending).then_some(ending)
+}
+
+/// Fails for the name of a file in place of a folder's, by its ending.
+pub(crate) fn refuse_file_name(output: &Path) -> Result<()> {
+    let Some(ending) = known_ending(output) else { return Ok(()) };
+    Err(Error::usage(format!("a folder is to be made, and .{ending} names a file"))
+        .in_file(output)
+        .remedy("name a folder, without such an ending"))
+}
+
+/// Fails for a name that says another format than that of the file.
+pub(crate) fn refuse_other_name<F: Format>(format: &F, output: &Path) -> Result<()> {
+    let is_other = known_ending(output).is_some() && !format.has_extension_of(output);
+    if is_other { Err(format.wrong_ending(output)) } else { Ok(()) }
 }
 
 /// True for two names of one file.

@@ -35,7 +35,7 @@ pub(crate) use planned::{PlannedGrid, grid_files};
 pub use report::{DiskCheck, Forecast, RunReport, StatusReport, TaskReport, Told, Written};
 pub(crate) use report::{Needs, shared};
 pub use run::{Form, PlanJob, RunJob};
-pub(crate) use run::{run, run_in, status};
+pub(crate) use run::{run, run_in, run_named, status};
 pub use sheet::{Kind, kind};
 pub(crate) use sheet::{PLAN, Plan, refuse_file};
 pub(crate) use work::{At, Made, Named, Numbered, Order, Work};
@@ -59,7 +59,7 @@ macro_rules! planned_as {
             progress: &dyn crate::Progress,
             cancel: &crate::Cancel,
         ) -> Result<crate::plan::RunReport<$done>> {
-            crate::plan::run::<$work>(job, progress, cancel)
+            crate::plan::run_named::<$work>(job, progress, cancel)
         }
     };
 }

@@ -133,11 +133,32 @@ pub(crate) fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
 }
 
 /// Works on a plan.
+/// Works on a plan, whose output is named for this run: the name says nothing else than what is written.
+pub(crate) fn run_named<W: Work>(
+    job: &RunJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<RunReport<W::Run>> {
+    let check = |work: &W| match &job.output {
+        Some(output) => work.check_name(output, &job.form),
+        None => Ok(()),
+    };
+    run_checked(job, check, At { progress, cancel })
+}
+
 pub(crate) fn run<W: Work>(
     job: &RunJob,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
+) -> Result<RunReport<W::Run>> {
+    run_checked(job, |_: &W| Ok(()), At { progress, cancel })
+}
+
+fn run_checked<W: Work>(
+    job: &RunJob,
+    check: impl FnOnce(&W) -> Result<()>,
+    at: At<'_>,
     let started = Instant::now();
     if W::KIND != Kind::Tin && job.form != Form::default() {
         let message =
@@ -146,9 +167,9 @@ pub(crate) fn run<W: Work>(
     }
     let folder = Folder::<W>::open(&job.folder)?;
     let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
+    check(&folder.plan.work)?;
     let _lock = folder.enter(task.is_none())?;
     folder.plan.check_files(task.is_none())?;
-    let at = At { progress, cancel };
     let done = match task {
         None => Run::new(&folder, job, true, at).and_then(Run::all),
         Some(Named::Finish) => Run::new(&folder, job, true, at).and_then(Run::finish),

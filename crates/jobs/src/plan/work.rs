@@ -56,6 +56,12 @@ pub(crate) trait Work: Clone + Sync + Serialize + DeserializeOwned {
     /// The name in the folder of what is written at the end.
     fn output(&self, form: &Form) -> Result<PathBuf>;
 
+    /// Fails for a name that says another format than that of the plan; the input is not opened yet. What is no mesh is
+    /// looked at with the output.
+    fn check_name(&self, _output: &Path, _form: &Form) -> Result<()> {
+        Ok(())
+    }
+
     /// Opens the input; fails when it is not what the plan was made for.
     fn open(plan: &Plan<Self>, order: Order) -> Result<Self::Opened>;
 

@@ -15,6 +15,7 @@ use super::report::{LevelReport, TilesReport};
 use super::spans::Known;
 use super::{Ground, Opened, TilesJob, three};
 use crate::Cancel;
+use crate::outputs::refuse_file_name;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_files::lock;
@@ -126,7 +127,7 @@ struct Held {
 impl Folder {
     /// With nothing in it.
     pub(super) fn create(job: &TilesJob) -> Result<Self> {
-        check_ending(&job.output)?;
+        refuse_file_name(&job.output)?;
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
         let (formats, compress) = (job.tiles.format.clone(), job.tiles.gzip);
         Ok(Self { folder, formats, compress, held: Mutex::default() })
@@ -234,31 +235,6 @@ impl Folder {
             written += bytes.len() as u64;
         }
         Ok(written)
-    }
-}
-
-/// Endings that name a file of points, of tiles of others, or of a tile.
-const OF_FILES: [&str; 11] =
-    ["las", "laz", "copc", "pmtiles", "mbtiles", "3tz", "zip", "tar", "terrain", "b3dm", "subtree"];
-
-/// Fails for the name of a file in place of a folder's, by its ending.
-fn check_ending(output: &Path) -> Result<()> {
-    let Some(ending) = output.extension().and_then(|ending| ending.to_str()) else { return Ok(()) };
-    let ending = ending.to_lowercase();
-    let all = [
-        terrane_raster::FORMATS.iter().flat_map(|known| known.extensions).collect::<Vec<_>>(),
-        terrane_mesh::FORMATS.iter().flat_map(|known| known.extensions).collect(),
-        terrane_vector::FORMATS.iter().flat_map(|known| known.extensions).collect(),
-        OF_FILES.iter().collect(),
-    ];
-    match all.concat().iter().any(|known| **known == ending) {
-        true => {
-            let message = format!("tiles are written to a folder, and .{ending} names a file");
-            Err(Error::usage(message)
-                .in_file(output)
-                .remedy("name a folder, without such an ending"))
-        }
-        false => Ok(()),
     }
 }
 

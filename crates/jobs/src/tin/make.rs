@@ -20,6 +20,7 @@ use crate::figures::Figures;
 use crate::input::grid_stats;
 use crate::kept::{Features, Kept};
 use crate::memory::{self, Shares};
+use crate::outputs::refuse_file_name;
 use crate::placing::Placed;
 use crate::transform::{MovingMesh, Transformed};
 use crate::{Cancel, Progress, Resources, peak_memory};
@@ -330,6 +331,7 @@ impl Maker<'_> {
             return Err(Error::usage(message).remedy("leave one of ‹split› and ‹to_crs› out"));
         }
         if job.split.is_some() {
+            refuse_file_name(&job.output)?;
             return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
                 .map(drop);
         }

@@ -15,6 +15,7 @@ use crate::options::{
     FileOutput, Finite, GREEDY, GridInput, KeyValue, MeshMethodName, PrintLength, Reprojection,
     Resuming,
 };
+use crate::outputs::refuse_file_name;
 use crate::placing::Placing;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry;
@@ -184,6 +185,9 @@ impl TinOptions {
     fn format(&self, output: &Path) -> Result<&'static MeshFormat> {
         let usual = self.split.map(|_| "PLY");
         let format = mesh::by_path(output, self.file.format.as_deref().or(usual))?;
+        if self.split.is_some() {
+            refuse_file_name(output)?;
+        }
         if !self.bands.is_empty() && format.carries == Carries::Nothing {
             return Err(Error::usage(format!("{} has no room for ‹bands›", format.name))
                 .remedy("write PLY, or GLB for three or four bands of 8 bits"));

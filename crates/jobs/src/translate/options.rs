@@ -17,6 +17,7 @@ use crate::operation::{Operation, Request, Writes};
 use crate::options::{
     AsFormula, AsNumber, AsText, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
+use crate::outputs::refuse_file_name;
 use terrane_base::error::Result;
 use terrane_cloud::{LasVersion, OpenOptions, PointFormat};
 
@@ -178,7 +179,10 @@ impl Operation for PointsOptions {
     }
 
     fn check(&self, output: &Path) -> Result<()> {
-        self.unread(&[], output).packing().map(drop)
+        match self.is_folder() {
+            true => refuse_file_name(output),
+            false => self.unread(&[], output).packing().map(drop),
+        }
     }
 
     fn run(&self, request: Request<'_>) -> Result<TranslateReport> {

@@ -251,9 +251,7 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     if format.has_extension_of(path) {
         return Ok(format);
     }
-    Err(Error::usage(format!("{} cannot have this ending", format.name))
-        .in_file(path)
-        .remedy(format!("end the name in {}", format.endings())))
+    Err(format.wrong_ending(path))
 }
 
 /// As [`by_path`], of formats that hold colours if no name is given and one of them has the ending.

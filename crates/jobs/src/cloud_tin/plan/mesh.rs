@@ -18,6 +18,7 @@ use crate::cloud_tin::write::write;
 use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
 use crate::kept::Features;
 use crate::memory::beside_polygons;
+use crate::outputs::refuse_other_name;
 use crate::plan::{
     self, At, Digest, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
     refuse_another,
@@ -31,7 +32,7 @@ use terrane_cloud::{self as cloud, Census, CloudInfo, OpenOptions, PointSource};
 use terrane_delaunay::{Hull, Window};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::{name_of, path_of};
-use terrane_mesh::{self as mesh, check_prj};
+use terrane_mesh::{self as mesh, MeshFormat, check_prj};
 
 /// Rounds of tasks that look at the mesh.
 const ROUNDS: u32 = 2;
@@ -202,6 +203,10 @@ impl CloudMesh {
     pub(super) fn files(&self, opened: &Opened) -> Vec<PathBuf> {
         let on_disk = if opened.source.files().is_empty() { &[][..] } else { &self.method.inputs };
         on_disk.iter().map(|name| path_of(name).into_owned()).collect()
+    fn format(&self) -> Result<&'static MeshFormat> {
+        mesh::by_path(Path::new(""), Some(&self.method.format))
+    }
+
     }
 
     /// Rounds of tasks after that of choosing: where all points are vertices nothing is left to add.
@@ -419,11 +424,15 @@ impl Work for CloudMesh {
             format: self.method.format.clone(),
             of: PointStatus { max_error, points, regions: self.seen.regions.len() as u64 },
             ..StatusReport::default()
+    fn check_name(&self, output: &Path, _: &Form) -> Result<()> {
+        refuse_other_name(self.format()?, output)
+    }
+
         }
     }
 
     fn output(&self, _: &Form) -> Result<PathBuf> {
-        let format = mesh::by_path(Path::new(""), Some(&self.method.format))?;
+        let format = self.format()?;
         Ok(Path::new("mesh").with_extension(format.extensions[0]))
     }
 

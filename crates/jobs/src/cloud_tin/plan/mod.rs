@@ -78,7 +78,7 @@ impl Divisible for CloudTinOptions {
         task_size: Option<u32>,
     ) -> Result<StatusReport<PointStatus>> {
         let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
-        let format = by_path(folder, Some(self.file.format.as_deref().unwrap_or("PLY")))?;
+        let format = by_path(Path::new(""), Some(self.file.format.as_deref().unwrap_or("PLY")))?;
         let output = folder.join("mesh").with_extension(format.extensions[0]);
         let job = CloudTinJob {
             format: Some(format.name.to_owned()),

@@ -11,6 +11,7 @@ use super::tasks::{Strips, Task};
 use super::{MeshRun, MeshStatus};
 use crate::beside;
 use crate::memory;
+use crate::outputs::refuse_other_name;
 use crate::plan::{
     self, At, Form, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid,
     StatusReport, Survey, Work,
@@ -27,7 +28,7 @@ use crate::tin::worker::Stock;
 use crate::transform::Transform;
 use terrane_base::error::Result;
 use terrane_base::limits;
-use terrane_mesh as mesh;
+use terrane_mesh::{self as mesh, MeshFormat};
 use terrane_raster::GridSource;
 use terrane_tin::{Local, Triangle};
 
@@ -69,6 +70,10 @@ impl Mesh {
     }
 
     /// How the grid is cut. Fails where it is too small to be.
+    fn format(&self) -> Result<&'static MeshFormat> {
+        mesh::by_path(Path::new(""), self.method.job.format.as_deref())
+    }
+
     fn strips(&self) -> Result<Strips> {
         let layout = Layout::new(self.grid.width, self.grid.height, self.method.job.tile)?;
         Ok(Strips::new(layout, Some(self.method.strip_rows)))
@@ -174,8 +179,12 @@ impl Work for Mesh {
         }
     }
 
+    fn check_name(&self, output: &Path, form: &Form) -> Result<()> {
+        if form.split.is_some() { Ok(()) } else { refuse_other_name(self.format()?, output) }
+    }
+
     fn output(&self, form: &Form) -> Result<PathBuf> {
-        let format = mesh::by_path(Path::new(""), self.method.job.format.as_deref())?;
+        let format = self.format()?;
         let ending = if form.split.is_some() { "blocks" } else { format.extensions[0] };
         Ok(Path::new("mesh").with_extension(ending))
     }

@@ -96,7 +96,7 @@ impl Divisible for TinOptions {
     fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
         let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
         self.textbook()?;
-        let format = by_path(folder, Some(self.file.format.as_deref().unwrap_or("PLY")))?;
+        let format = by_path(Path::new(""), Some(self.file.format.as_deref().unwrap_or("PLY")))?;
         let job = self.job(inputs, &folder.join("mesh").with_extension(format.extensions[0]))?;
         let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
         plan_work(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)

@@ -11,6 +11,7 @@ use super::manifest::{Block, Blocks, Method, Points, label};
 use super::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
 use crate::memory::beside_polygons;
+use crate::outputs::refuse_file_name;
 use crate::plan::{
     At, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
     refuse_another,
@@ -174,6 +175,7 @@ impl Work for Points {
         refuse_another("cloud", label, blocks, &here)?;
         Ok(opened.knowing(looked))
     }
+        refuse_file_name(&job.output)?;
 
     fn check_output(Opened { job, cloud }: &Opened, _: At<'_>) -> Result<()> {
         squares::refuse_within(cloud.files(), &job.output)?;
