@@ -71,3 +71,116 @@ fn names_of_files_are_refused_for_folders_without_a_plan_too() {
         assert!(place.bytes("x.obj").starts_with(b"ply"));
     }
 }
+
+/// A plan, what is said of it first, and what says the same, or something else.
+type Said = (&'static [&'static str], &'static [&'static str], &'static [&'static str], bool);
+
+#[test]
+fn a_plan_is_the_same_however_its_values_are_written() {
+    let place = place();
+    let (grid, points): (&[&str], &[&str]) =
+        (&["grid", CLOUD, "--cell", "4"], &["points", "in/a.las", "--tile", "30"]);
+    let (mesh, tin): (&[&str], &[&str]) =
+        (&["tin", CLOUD, "--max-error", "5"], &["tin", "in/g.tif", "--max-error", "5"]);
+    let said: [Said; 26] = [
+        (grid, &[], &["--align", "0,0"], true),
+        (grid, &["--align", "0,0"], &["--align", "0.0,-0"], true),
+        (grid, &[], &["--align", "1,0"], false),
+        (grid, &[], &["--stat", "mean"], true),
+        (grid, &[], &["--stat", "AVG"], true),
+        (grid, &["--stat", "idw"], &["--stat", "idw", "--power", "1.0"], true),
+        (grid, &["--stat", "idw", "--power", "1"], &["--stat", "idw", "--power", "1.0"], true),
+        (grid, &["--stat", "idw"], &["--stat", "idw", "--power", "2"], false),
+        (grid, &["--stat", "idw:power=1,p95"], &["--stat", "idw:power=1.0,p95.0"], true),
+        (grid, &["--class", "9,2"], &["--class", "2,9"], true),
+        (grid, &["--class", "9,2"], &["--class", "2", "--class", "9", "--class", "2"], true),
+        (grid, &["--class", "9,2"], &["--class", "2"], false),
+        (grid, &[], &["--every", "1"], true),
+        (grid, &[], &["--every", "2"], false),
+        (grid, &["--co", "compress=zstd"], &["--co", "COMPRESS=ZSTD"], true),
+        (grid, &["--co", "COMPRESS=ZSTD"], &["--co", "COMPRESS=LZW"], false),
+        (
+            grid,
+            &["--co", "COMPRESS=ZSTD", "--co", "PREDICTOR=NO"],
+            &["--co", "predictor=no", "--co", "compress=zstd"],
+            true,
+        ),
+        (grid, &["--crs", "epsg:32631"], &["--crs", "EPSG:32631"], true),
+        (points, &["--class", "9,2"], &["--class", "2,9"], true),
+        (points, &["--every", "1"], &[], true),
+        (mesh, &["--class", "9,2", "--every", "1"], &["--class", "2,9"], true),
+        (tin, &["--band", "1"], &["--triangulation", "delaunay"], true),
+        (tin, &["--to-crs", "epsg:4326"], &["--to-crs", "EPSG:4326"], true),
+        (tin, &["--to-crs", "EPSG: 4326"], &["--to-crs", "EPSG:4326"], true),
+        (tin, &["--to-crs", "EPSG:4326"], &["--to-crs", "EPSG:3035"], false),
+        (&["tiles", "in/g.tif"], &["--band", "1"], &["--format", "quantized-mesh"], true),
+    ];
+    for (number, (plan, first, then, is_same)) in said.into_iter().enumerate() {
+        let folder = format!("w{number}");
+        let write = |how| [&["plan"], plan, how, &["-o", &folder, "-q"]].concat();
+        place.ok(&write(first));
+        match is_same {
+            true => drop(place.ok(&write(then))),
+            false => place.fails(&write(then), 2, &["holds another plan"]),
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_plan_is_the_same_however_its_files_are_named() {
+    let place = place();
+    let whole = place.path("in").to_str().unwrap().to_owned();
+    let [g, a] = ["g.tif", "a.las"].map(|name| format!("{whole}/{name}"));
+    let grids = ["in/g.tif", "./in/g.tif", "in/../in/g.tif", "link/g.tif", &g];
+    let clouds: [&[&str]; 5] = [
+        &["in/a.las", "in/b.las"],
+        &["in/b.las", "./in/a.las"],
+        &[&a, "link/b.las"],
+        &["in/*.las"],
+        &["in/b.las", "in/a.las", "link/a.las"],
+    ];
+    let grids: Vec<&[&str]> = grids.iter().map(std::slice::from_ref).collect();
+    let area = "POLYGON ((0 0, 1e7 0, 1e7 1e7, 0 1e7, 0 0))";
+    place.write("area.wkt", area).write("area.prj", "EPSG:32631");
+    for (verb, output, how, inputs) in [
+        ("tin", "o.ply", &["--max-error", "5", "--clip", "area.wkt"][..], &grids[..]),
+        ("tiles", "o", &[], &grids),
+        ("tin", "o.ply", &["--max-error", "5"], &clouds),
+        ("grid", "o.tif", &["--cell", "4", "--clip", "area.wkt"], &clouds),
+        ("points", "o", &["--tile", "30"], &clouds),
+    ] {
+        place.ok(&[&["plan", verb], inputs[0], how, &["-o", "work", "-q"]].concat());
+        place.ok(&["run", "work", "-o", output, "-q"]);
+        let made = bytes(&place, output);
+        for names in inputs {
+            place.ok(&[&["plan", verb], *names, how, &["-o", "work", "-q"]].concat());
+            if verb != "grid" {
+                let work = ["--workdir", "work", "-q"];
+                place.ok(&[&[verb], *names, &[output], how, &work].concat());
+            }
+            place.ok(&[&[verb], *names, &[output, "--overwrite", "-q"], how].concat());
+            assert!(bytes(&place, output) == made, "{verb} {names:?}");
+            place.ok(&["run", "work", "-o", output, "--overwrite", "-q"]);
+        }
+        std::fs::remove_dir_all(place.path("work")).unwrap();
+        let output = place.path(output);
+        if output.is_dir() {
+            std::fs::remove_dir_all(output)
+        } else {
+            std::fs::remove_file(output)
+        }
+        .unwrap();
+    }
+}
+
+/// What a file holds, or all files of a folder.
+fn bytes(place: &Place, output: &str) -> Vec<Vec<u8>> {
+    match place.path(output).is_file() {
+        true => vec![place.bytes(output)],
+        false => {
+            let names = crate::tiles::walk(place, output);
+            names.iter().map(|name| place.bytes(&format!("{output}/{name}"))).collect()
+        }
+    }
+}

@@ -202,7 +202,7 @@ fn is_member(path: &Path) -> bool {
     !hidden && ENDINGS.contains(&ending.as_str())
 }
 
-/// The files that `inputs` stand for: sorted, and each once, so that their order and repetition leave
+/// The files that `inputs` stand for: sorted by their whole paths, and each once, so that their order and repetition leave
 /// no trace.
 ///
 /// # Errors
@@ -226,7 +226,9 @@ fn plain(inputs: &[String]) -> Vec<String> {
 }
 
 fn distinct(mut files: Vec<String>) -> Vec<String> {
-    files.sort();
+    // As plans name them, which hold wherever a process works.
+    let whole = |name: &String| std::path::absolute(path_of(name)).unwrap_or_default();
+    files.sort_by_cached_key(|name| whole(name).into_os_string());
     let mut seen = HashSet::new();
     let real = |name: &String| {
         let path = path_of(name);

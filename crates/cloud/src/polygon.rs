@@ -3,10 +3,12 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::ser::Error as _;
+use serde::{Deserialize, Serialize, Serializer};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, plane};
+use terrane_files::is_made;
 
 /// Polygons with holes, of one feature or several, which are united: inside of one is where an odd number of its rings goes
 /// around. Of two polygons that
@@ -25,8 +27,21 @@ pub struct Polygon {
     /// The edges that touch each band, band by band.
     lists: Vec<u32>,
     /// The file that they are from, and its reference system.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "wherever")]
     from: Option<(PathBuf, Crs)>,
+}
+
+/// Notes a file by a path that holds wherever the process works.
+fn wherever<S: Serializer>(
+    from: &Option<(PathBuf, Crs)>,
+    out: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    let absolute = |path: &Path| match is_made(&path.to_string_lossy()) {
+        true => Ok(path.to_path_buf()),
+        false => std::path::absolute(path).map_err(S::Error::custom),
+    };
+    let from = from.as_ref().map(|(path, crs)| absolute(path).map(|path| (path, crs)));
+    from.transpose()?.serialize(out)
 }
 
 /// Most bands. There are fewer where long edges would be in the lists of many: no edge is in more than two on average.

@@ -73,6 +73,11 @@ pub fn shown(name: &str) -> String {
     path_of(name).display().to_string()
 }
 
+/// Names for people, with commas between them.
+pub fn shown_all(names: &[String]) -> String {
+    names.iter().map(|name| shown(name)).collect::<Vec<_>>().join(", ")
+}
+
 /// True for the characters that stand for bytes.
 #[cfg(unix)]
 fn is_byte(c: char) -> bool {

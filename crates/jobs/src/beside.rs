@@ -111,6 +111,11 @@ pub(crate) fn source(input: &Inputs) -> String {
     if is_held(&name) { "points".to_owned() } else { label(Path::new(&name)) }
 }
 
+/// The same input called what a file says that it is made of: folders that lead to it leave no trace.
+pub(crate) fn noted(input: &Inputs) -> Inputs {
+    input.called(source(input))
+}
+
 /// The last part of a name, for what a mesh is told of it: plans know the whole path, which is no part of the
 /// mesh.
 pub(crate) fn label(path: &Path) -> String {

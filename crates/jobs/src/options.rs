@@ -6,7 +6,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use terrane_options::{Options, Range, Rule, changed};
+use terrane_options::{Options, Range, Rule, changed, settled};
 
 use crate::cloud_tin::CloudTinOptions;
 use crate::grid::GridOptions;
@@ -88,7 +88,7 @@ pub struct PointFilter {
     #[option(name = "where", value = "CONDITION", with = AsFormula)]
     pub condition: Option<Condition>,
     /// Only every N-th point of each file
-    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64))]
+    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), default_text = "1")]
     pub every: Option<u32>,
     /// The coordinate reference system of files that name none, such as EPSG:2154 or well-known text
     #[option(value = "CRS", with = CrsText)]
@@ -120,21 +120,24 @@ impl CloudInput {
     /// # Errors
     /// A file of polygons that cannot be read, or holds anything else; more edges than half of the memory holds.
     pub fn options(&self, resources: &Resources) -> terrane_base::Result<OpenOptions> {
-        let PointFilter { class, returns, keep_withheld, z_range, condition, .. } = &self.points;
-        let polygon = self.clip.as_deref().map(|name| reading::polygon(name, resources));
+        let Self { bounds, clip, points } = settled(self)?;
+        let polygon = clip.map(|name| reading::polygon(&name, resources)).transpose()?;
+        let mut classes = points.class;
+        classes.sort_unstable();
+        classes.dedup();
         let filter = Filter {
-            classes: (!class.is_empty()).then(|| class.clone()),
-            returns: *returns,
-            keep_withheld: *keep_withheld,
-            drop: self.points.drop_flag.iter().fold(Flags::default(), |all, flag| all.and(*flag)),
-            bounds: self.bounds,
-            polygon: polygon.transpose()?.map(Arc::new),
-            z_range: *z_range,
-            condition: condition.clone(),
-            every: self.points.every.and_then(NonZeroU32::new),
+            classes: (!classes.is_empty()).then_some(classes),
+            returns: points.returns,
+            keep_withheld: points.keep_withheld,
+            drop: points.drop_flag.iter().fold(Flags::default(), |all, flag| all.and(*flag)),
+            bounds,
+            polygon: polygon.map(Arc::new),
+            z_range: points.z_range,
+            condition: points.condition,
+            every: points.every.and_then(NonZeroU32::new),
         };
-        let (salvage, threads) = (self.points.salvage, resources.threads);
-        let crs = self.points.crs.as_deref().map(wkt::of_srs);
+        let (salvage, threads) = (points.salvage, resources.threads);
+        let crs = points.crs.as_deref().map(wkt::of_srs);
         Ok(OpenOptions { filter, salvage, crs, threads, ..OpenOptions::default() })
     }
 }
@@ -203,6 +206,15 @@ pub struct GridOutput {
     /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
     #[option(value = "KEY=VAL", with = KeyValue, no_setter)]
     pub co: Vec<(String, String)>,
+}
+
+impl GridOutput {
+    /// The options of the format by name, in whatever order they were given.
+    pub(crate) fn in_order(&self) -> Vec<(String, String)> {
+        let mut creation = self.co.clone();
+        creation.sort();
+        creation
+    }
 }
 
 /// The reference system of an output

@@ -41,9 +41,7 @@ impl GridInput {
     pub(crate) fn absolute(&self) -> Result<Self> {
         let clip = self.clip.as_deref().map(beside::absolute).transpose()?;
         let water = self.water.as_deref().map(beside::absolute).transpose()?;
-        // The first band is read where none is named.
-        let band = self.band.filter(|band| *band != 1);
-        Ok(Self { band, clip, water, ..self.clone() })
+        Ok(Self { clip, water, ..self.clone() })
     }
 
     /// The files of polygons and of water, and what else is read with them.

@@ -222,7 +222,7 @@ impl Parts {
             role: ::terrane_options::Role::#role,
             kind: <#codec as ::terrane_options::Codec<#ty>>::KIND,
             shape: <#codec as ::terrane_options::Codec<#ty>>::SHAPE,
-            check: ::terrane_options::check_text::<#ty, #codec>,
+            read: ::terrane_options::read_text::<#ty, #codec>,
         })));
         self.visits.push(
             quote!(visit(#called, &::terrane_options::Seen::<#ty, #codec>::new(&self.#ident));),

@@ -4,14 +4,14 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value as Json};
 
-use crate::{Options, check, fill, to_map};
+use crate::{Options, check, fill, noted};
 
-/// Writes all values by name.
+/// Writes all values by name, as they are [noted](noted).
 ///
 /// # Errors
 /// Those of the writer.
 pub fn serialize<O: Options, S: Serializer>(options: &O, out: S) -> Result<S::Ok, S::Error> {
-    to_map(options).serialize(out)
+    noted(options).serialize(out)
 }
 
 /// Reads values by name; others are at their defaults.

@@ -233,10 +233,10 @@ impl<T, C: Codec<T>> SetValue for Settable<'_, T, C> {
     }
 }
 
-/// Says what was expected where a text is no value.
+/// The value of a text as JSON, however it is written.
 ///
 /// # Errors
 /// Those of [`Codec::parse`].
-pub fn check_text<T, C: Codec<T>>(text: &str) -> Result<(), String> {
-    C::parse(text).map(drop)
+pub fn read_text<T, C: Codec<T>>(text: &str) -> Result<Json, String> {
+    C::parse(text).map(|value| C::json(&value))
 }

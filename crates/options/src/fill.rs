@@ -152,6 +152,27 @@ pub fn to_map<O: Options>(options: &O) -> Map<String, Json> {
     map
 }
 
+/// All values by name, as notes have them that are compared: one that is the same as none is `null`.
+pub fn noted<O: Options>(options: &O) -> Map<String, Json> {
+    let mut map = to_map(options);
+    for field in O::TABLE.fields() {
+        if let Some(value) = map.get_mut(field.name)
+            && field.usual().as_ref() == Some(value)
+        {
+            *value = Json::Null;
+        }
+    }
+    map
+}
+
+/// The same options, those at `None` whose values are the same as none.
+///
+/// # Errors
+/// Usage: values that are none of their options, which setters take.
+pub fn settled<O: Options>(options: &O) -> Result<O> {
+    fill(&noted(options))
+}
+
 /// The values that are not at their defaults, by name.
 pub fn changed<O: Options>(options: &O) -> Map<String, Json> {
     let defaults = to_map(&O::default());

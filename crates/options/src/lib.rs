@@ -60,8 +60,8 @@ mod fill;
 mod rules;
 mod table;
 
-pub use codec::{AnyValue, Choice, Codec, Plain, Seen, SetValue, Settable, check_text};
-pub use fill::{changed, fill, set_texts, texts_of, to_map};
+pub use codec::{AnyValue, Choice, Codec, Plain, Seen, SetValue, Settable, read_text};
+pub use fill::{changed, fill, noted, set_texts, settled, texts_of, to_map};
 pub use rules::{Rule, assert_rules, check, check_given};
 pub use serde_json::Value as Json;
 pub use table::{Entry, Field, Kind, Named, Range, Role, Shape, Table};

@@ -90,7 +90,8 @@ fn check_value(field: &Field, value: &dyn AnyValue) -> Result<()> {
         return Ok(());
     }
     texts_of(field, &json)?.iter().try_for_each(|text| {
-        (field.check)(text)
+        (field.read)(text)
+            .map(drop)
             .map_err(|expected| Error::usage(format!("‹{name}› is {text:?}: {expected}")))
     })
 }

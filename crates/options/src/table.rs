@@ -133,14 +133,21 @@ pub struct Field {
     pub kind: Kind,
     /// How many it takes.
     pub shape: Shape,
-    /// Says what was expected where a text is no value of it.
-    pub check: fn(&str) -> Result<(), String>,
+    /// The value of a text as JSON, or what was expected instead.
+    pub read: fn(&str) -> Result<Json, String>,
 }
 
 impl Field {
     /// Whether a value asks for anything: null does not, nor does `false` where the name alone is enough.
     pub fn is_given(&self, value: &Json) -> bool {
         !(value.is_null() || self.bare.is_some() && value == false)
+    }
+
+    /// The value that it has where it has none, if its default in words is one. Any words are a text or a path.
+    pub(crate) fn usual(&self) -> Option<Json> {
+        let is_value = !matches!(self.kind, Kind::Text | Kind::Path);
+        let words = self.default_text.filter(|_| is_value && self.shape == Shape::Optional)?;
+        (self.read)(words).ok()
     }
 
     /// Fails for a number out of the range; what was expected is in the error.
@@ -159,7 +166,7 @@ impl Field {
     /// # Errors
     /// What was expected, in words.
     pub fn check_text(&self, text: &str) -> Result<(), String> {
-        (self.check)(text).map_err(|expected| match (self.range, self.kind) {
+        (self.read)(text).map(drop).map_err(|expected| match (self.range, self.kind) {
             (Some(range), Kind::Whole | Kind::Number) => {
                 format!("expected {}", self.expected(&range))
             }

@@ -145,7 +145,7 @@ impl TypedValueParser for Chosen {
         argument: Option<&Arg>,
         value: &OsStr,
     ) -> Result<String, clap::Error> {
-        match value.to_str().filter(|text| (self.0.check)(text).is_ok()) {
+        match value.to_str().filter(|text| (self.0.read)(text).is_ok()) {
             Some(text) => Ok(text.to_owned()),
             // Which says what there is, and what is nearest.
             None => PossibleValuesParser::new(names_of(self.0)).parse_ref(command, argument, value),

@@ -408,9 +408,10 @@ fn parse(item: &str) -> Result<Asked> {
     let (values, subject) = read(method, parameters)?;
     let given = Given { rank, values };
     let statistic = Statistic { method, values: (method.check)(&given)? };
-    let mut label = if rank.is_some() { name } else { method.name }.to_owned();
+    let mut label = rank.map_or_else(|| method.name.to_owned(), |rank| format!("p{rank}"));
     if !parameters.is_empty() {
-        label = format!("{label}:{parameters}");
+        let parameters: Vec<String> = parameters.split(',').map(shortest).collect();
+        label = format!("{label}:{}", parameters.join(","));
     }
     let subject = (method.complete)(subject.or_of(method.usual));
     match &subject.attribute {
@@ -419,6 +420,14 @@ fn parse(item: &str) -> Result<Asked> {
                 .remedy("times and extra bytes have a min, max, mean or percentile, for example"))
         }
         _ => Ok(Asked { statistic, label, subject }),
+    }
+}
+
+/// A parameter with its number in as few digits as tell it.
+fn shortest(pair: &str) -> String {
+    match pair.split_once('=').map(|(key, value)| (key, value.parse::<f64>())) {
+        Some((key, Ok(number))) if number.is_finite() => format!("{key}={number}"),
+        _ => pair.to_owned(),
     }
 }
 
@@ -460,7 +469,9 @@ mod tests {
     fn lists_are_read_with_parameters_and_other_names() {
         let asked = parse_list("mean, AVG:,idw:radius=2,power=1.5,p99.9,std:ddof=1").unwrap_err();
         assert!(asked.to_string().contains("mean is asked for twice"), "{asked}");
-        let asked = parse_list("lowest,idw:radius=2,power=1.5,p99.9,std:ddof=1,median").unwrap();
+        assert!(parse_list("idw:power=1,idw:power=1.0").is_err() && parse_list("p5,p5.0").is_err());
+        let asked =
+            parse_list("lowest,idw:radius=2.0,power=1.50,p99.90,std:ddof=1,median").unwrap();
         let labels: Vec<_> = asked.iter().map(|a| a.label.as_str()).collect();
         assert_eq!(labels, ["min", "idw:radius=2,power=1.5", "p99.9", "std:ddof=1", "median"]);
         let idw = asked[1].statistic;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{Options, Range, Rule, settled};
 
 use super::{Canopy, Compat, GridJob, GridReport, GroundFrom, NODATA, Placement, Preset, run};
 use crate::Resources;
@@ -128,7 +128,7 @@ impl GridOptions {
     /// Statistics that there are not; polygons that cannot be read.
     pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<GridJob> {
         let cloud = self.cloud.options(&self.resources)?;
-        Ok(GridJob { cloud, ..self.unread(inputs, output)? })
+        Ok(GridJob { cloud, ..settled(self)?.unread(inputs, output)? })
     }
 
     /// The same without the polygons that points are within.
@@ -140,7 +140,7 @@ impl GridOptions {
         )?;
         Ok(GridJob {
             format: self.file.format.clone(),
-            creation: self.creation.co.clone(),
+            creation: self.creation.in_order(),
             preset,
             ground: self.ground,
             canopy: self.canopy,

@@ -199,7 +199,7 @@ impl Codec<u64> for FileSize {
     }
 }
 
-/// `KEY=VAL`.
+/// `KEY=VAL`, in any case.
 pub struct KeyValue;
 
 impl Codec<(String, String)> for KeyValue {
@@ -212,7 +212,7 @@ impl Codec<(String, String)> for KeyValue {
     }
 
     fn json((key, value): &(String, String)) -> Json {
-        format!("{key}={value}").into()
+        format!("{key}={value}").to_ascii_uppercase().into()
     }
 }
 
@@ -321,7 +321,7 @@ impl Codec<String> for CrsText {
     }
 
     fn json(value: &String) -> Json {
-        value.as_str().into()
+        wkt::with_codes(value).into()
     }
 }
 

@@ -43,6 +43,7 @@ pub(crate) use work::{At, Made, Named, Numbered, Order, Work};
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
+use terrane_files::{name_of, path_of};
 
 /// What [`Divisible`](crate::operation::Divisible) asks of an operation whose plans are of this kind of work.
 macro_rules! planned_as {
@@ -182,6 +183,29 @@ fn parent(path: &Path) -> &Path {
         _ => Path::new("."),
     }
 }
+/// A thing in which each file is known by where it really is, links followed, as far as that can be told here.
+fn by_place<T: Serialize>(thing: &T) -> Value {
+    let mut told = serde_json::to_value(thing).unwrap_or_default();
+    resolve(&mut told);
+    told
+}
+
+/// Resolves paths in texts: all of one, or what follows the name of a format.
+fn resolve(value: &mut Value) {
+    match value {
+        Value::Array(all) => all.iter_mut().for_each(resolve),
+        Value::Object(all) => all.values_mut().for_each(resolve),
+        Value::String(text) => {
+            let Some(begin) = text.find('/') else { return };
+            let place = std::fs::canonicalize(&*path_of(&text[begin..])).ok();
+            if let Some(place) = place.and_then(|place| name_of(place).ok()) {
+                text.replace_range(begin.., &place);
+            }
+        }
+        Value::Null | Value::Bool(_) | Value::Number(_) => {}
+    }
+}
+
 
 /// The first value in which two things differ, by its name in both.
 fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {

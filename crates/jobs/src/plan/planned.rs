@@ -41,7 +41,7 @@ impl PlannedGrid {
         &self,
         plan: &Plan<W>,
         source: &dyn GridSource,
-        (input, all): (&Inputs, Vec<PathBuf>),
+        all: Vec<PathBuf>,
     ) -> Result<()> {
         let known: HashSet<Cow<'_, Path>> = plan.files().collect();
         let all = with_companions(all);
@@ -52,7 +52,7 @@ impl PlannedGrid {
             .in_file(new)
             .remedy("move it away, or plan anew in another folder"));
         }
-        refuse_another("grid", &input.to_string(), self, &Self::of(source.info()))
+        refuse_another("grid", &plan.label, self, &Self::of(source.info()))
     }
 }
 

@@ -120,6 +120,7 @@ pub(crate) fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
     Ok(StatusReport {
         folder: folder.path.display().to_string(),
         plan_id: folder.id.to_string(),
+        input: folder.plan.label.clone(),
         work: work.size(Named::Finish),
         to_do: left.iter().map(|task| folder.tell(*task)).collect(),
         done: (tasks.len() + 1 - left.len()) as u64,
@@ -132,7 +133,6 @@ pub(crate) fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
     })
 }
 
-/// Works on a plan.
 /// Works on a plan, whose output is named for this run: the name says nothing else than what is written.
 pub(crate) fn run_named<W: Work>(
     job: &RunJob,
@@ -146,11 +146,11 @@ pub(crate) fn run_named<W: Work>(
     run_checked(job, check, At { progress, cancel })
 }
 
+/// Works on a plan.
 pub(crate) fn run<W: Work>(
     job: &RunJob,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<RunReport<W::Run>> {
 ) -> Result<RunReport<W::Run>> {
     run_checked(job, |_: &W| Ok(()), At { progress, cancel })
 }
@@ -159,6 +159,7 @@ fn run_checked<W: Work>(
     job: &RunJob,
     check: impl FnOnce(&W) -> Result<()>,
     at: At<'_>,
+) -> Result<RunReport<W::Run>> {
     let started = Instant::now();
     if W::KIND != Kind::Tin && job.form != Form::default() {
         let message =
@@ -166,8 +167,8 @@ fn run_checked<W: Work>(
         return Err(Error::usage(message).remedy("leave ‹split› out"));
     }
     let folder = Folder::<W>::open(&job.folder)?;
-    let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
     check(&folder.plan.work)?;
+    let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
     let _lock = folder.enter(task.is_none())?;
     folder.plan.check_files(task.is_none())?;
     let done = match task {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::files::{self, InputFile};
 use super::report::Needs;
-use super::{Digest, Forecast, Named, OBJECTS, Work, difference, no_folder};
+use super::{Digest, Forecast, Named, OBJECTS, Work, by_place, difference, no_folder};
 use crate::REVISION;
 use crate::sift::Skipped;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -63,6 +63,8 @@ impl Kind {
 pub(crate) struct Plan<W: Work> {
     #[serde(flatten)]
     maker: Maker,
+    /// What the user called the input; people are told, and nothing depends on it.
+    pub(crate) label: String,
     #[serde(flatten)]
     pub(crate) work: W,
     files: Vec<InputFile>,
@@ -135,17 +137,18 @@ impl Maker {
 }
 
 impl<W: Work> Plan<W> {
-    /// The plan of `work` on the files of `paths` and what lies beside them; `skipped` were left out.
+    /// The plan of `work` on an input that the user calls `label`: the files of `paths` and what lies beside them;
+    /// `skipped` were left out.
     pub(crate) fn new(
         work: W,
-        paths: Vec<PathBuf>,
+        (label, paths): (String, Vec<PathBuf>),
         needs: Needs,
         skipped: &[Skipped],
     ) -> Result<Self> {
         let files = files::look_at(&files::with_companions(paths))?;
         let terrane = env!("CARGO_PKG_VERSION").to_owned();
         let maker = Maker { kind: W::KIND, terrane, revision: REVISION };
-        Ok(Self { maker, work, files, needs, skipped: skipped.to_vec() })
+        Ok(Self { maker, label, work, files, needs, skipped: skipped.to_vec() })
     }
 
     /// Reads the plan in `folder`; returns it with its digest.
@@ -170,12 +173,12 @@ impl<W: Work> Plan<W> {
         (plan.maker.kind == W::KIND).then_some(plan)
     }
 
-    /// The digest that stands for it. Times that were measured differ from run to run, so they are left
-    /// out: plans of one request have one digest.
+    /// The digest that stands for it. Times that were measured differ from run to run, and an input may be called
+    /// in many ways, so both are left out: plans of one request have one digest.
     fn id(&self) -> Digest {
         let needs = Needs { seconds: [0.0; 2], ..self.needs.clone() };
-        let timeless = Self { needs, ..self.clone() };
-        Digest::of(&serde_json::to_vec(&timeless).unwrap_or_default())
+        let request = Self { needs, label: String::new(), ..self.clone() };
+        Digest::of(&serde_json::to_vec(&request).unwrap_or_default())
     }
 
     /// The text of its file.
@@ -244,13 +247,15 @@ impl<W: Work> Plan<W> {
     }
 
     /// The first thing in which this one asks for something else than `there`, as a line for people.
-    /// What was left out is no such thing: the work is of what is left.
+    /// What was left out is no such thing: the work is of what is left. Files are known by where they are, whatever
+    /// leads there.
     fn changes(&self, there: Self) -> Option<String> {
-        let mut here = Self { skipped: there.skipped.clone(), ..self.clone() };
+        let (skipped, label) = (there.skipped.clone(), there.label.clone());
+        let mut here = Self { skipped, label, ..self.clone() };
         here.needs.seconds = there.needs.seconds;
         let files = there.files.iter().zip(&mut here.files);
         files.for_each(|(there, here)| here.forgive_time(there));
-        difference(&there, &here)
+        difference(&by_place(&there), &by_place(&here))
     }
 }
 

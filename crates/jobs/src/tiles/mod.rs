@@ -181,7 +181,8 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let files = opened.files();
     let there = Plan::<Tiles>::there(folder);
     let needs = there.map_or_else(|| tiles.needs(&opened), |plan| Ok(plan.needs))?;
-    Plan::new(tiles, files, needs, skipped)?.put(folder)?;
+    let label = opened.job.input.to_string();
+    Plan::new(tiles, (label, files), needs, skipped)?.put(folder)?;
     plan::status::<Tiles>(folder)
 }
 

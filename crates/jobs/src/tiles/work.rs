@@ -15,6 +15,7 @@ use super::spans::Known;
 use super::{Ground, Opened, TilesJob, glance, is_missing, probe};
 use terrane_options::Choice;
 
+use crate::beside;
 use crate::figures::Figures;
 use crate::memory::{self, with_slack};
 use crate::plan::{
@@ -70,7 +71,8 @@ pub(super) struct Ready {
 impl Tiles {
     /// Those of an opened job.
     pub(super) fn new(opened: &Opened, cut: Option<u32>) -> Result<Self> {
-        let (job, Division { place, last, .. }) = (opened.job.clone(), opened.division.clone());
+        let Division { place, last, .. } = opened.division.clone();
+        let job = TilesJob { input: beside::noted(&opened.job.input), ..opened.job.clone() };
         let method = Method { job, place, last, cut: cut.unwrap_or(CUT) };
         let tiles = Self { method, grid: PlannedGrid::of(opened.grid.info()) };
         tiles.check().map(|()| tiles)
@@ -220,7 +222,6 @@ impl Work for Tiles {
 
     fn tell(&self) -> StatusReport<TilesStatus> {
         StatusReport {
-            input: self.method.job.input.to_string(),
             format: self
                 .method
                 .job
@@ -244,8 +245,9 @@ impl Work for Tiles {
         let Self { method, grid } = &plan.work;
         let mut job = TilesJob { output, overwrite, resources, ..method.job.clone() };
         job.tiles.max_level = Some(method.last);
+        job.input = job.input.called(plan.label.clone());
         let opened = Opened::new(&job)?;
-        grid.check(plan, &*opened.grid, (&method.job.input, opened.files()))?;
+        grid.check(plan, &*opened.grid, opened.files())?;
         Ok(Ready { opened, overview: OnceLock::new() })
     }
 

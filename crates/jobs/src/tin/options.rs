@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use terrane_options::{Codec, Options, Range, Rule, check};
+use terrane_options::{Codec, Options, Range, Rule, check, settled};
 
 use super::{
     Goal, Refinement, TILE_CELLS, Textbook, TinJob, TinReport, USUAL_TILE, run, run_bands, run_by,
@@ -222,16 +222,17 @@ impl TinOptions {
     /// # Errors
     /// Options that do not go together, or not with the format of the output.
     pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<TinJob> {
+        let own = settled(self)?;
         Ok(TinJob {
-            reading: self.grid.clone(),
+            transform: own.reprojection.transform(),
+            reading: own.grid,
+            refinement: own.refinement,
             format: Some(self.format(output)?.name.to_owned()),
             overwrite: self.file.replacing.overwrite,
             split: self.split,
             solid_base: self.solid_base()?,
             base: self.base,
             placing: self.placing,
-            transform: self.reprojection.transform(),
-            refinement: self.refinement.clone(),
             tile: self.tile,
             resources: self.resources.clone(),
             ..TinJob::new(inputs.clone(), output, self.target.goal()?)

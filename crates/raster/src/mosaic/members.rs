@@ -44,6 +44,11 @@ impl Inputs {
         Ok(Self::labelled(names, self.to_string()))
     }
 
+    /// The same names, which are shown to people as `label`.
+    pub fn called(&self, label: String) -> Self {
+        Self::labelled(self.names.clone(), label)
+    }
+
     /// Names that are shown to people as `label`.
     pub fn labelled(names: Vec<String>, label: String) -> Self {
         Self { names, label: Some(label) }

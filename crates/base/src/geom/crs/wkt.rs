@@ -225,16 +225,38 @@ fn vertical(node: &Node<'_>) -> Option<Vertical> {
 /// From well-known text, or from a name such as "EPSG:4326" or "EPSG:6339+6360"; unknown where the
 /// text is empty.
 pub fn of_srs(text: &str) -> Crs {
-    let text = text.trim();
-    let codes = text.split_once(':').filter(|(name, _)| name.eq_ignore_ascii_case("EPSG"));
-    let (first, second) = codes.map_or(("", None), |(_, codes)| match codes.split_once('+') {
-        Some((first, second)) => (first, Some(second)),
-        None => (codes, None),
-    });
-    match (first.trim().parse(), second.map(|code| code.trim().parse())) {
-        (Ok(code), None) => of_code(code),
-        (Ok(code), Some(Ok(vertical))) => of_codes(code, vertical),
-        _ => from_text(text),
+    match codes_in(text) {
+        Some((code, None)) => of_code(code),
+        Some((code, Some(vertical))) => of_codes(code, vertical),
+        None => from_text(text.trim()),
+    }
+}
+
+/// The text of a system with its codes, if it is made of these, as EPSG writes them.
+///
+/// ```
+/// use terrane_base::geom::wkt::with_codes;
+/// assert_eq!(with_codes(" epsg:06339 + 6360"), "EPSG:6339+6360");
+/// ```
+pub fn with_codes(text: &str) -> String {
+    match codes_in(text) {
+        Some((code, None)) => format!("EPSG:{code}"),
+        Some((code, Some(vertical))) => format!("EPSG:{code}+{vertical}"),
+        None => text.to_owned(),
+    }
+}
+
+/// The codes of a system, of x and y and of z.
+fn codes_in(text: &str) -> Option<(u32, Option<u32>)> {
+    let (name, codes) = text.split_once(':')?;
+    let code = |text: &str| text.trim().parse().ok();
+    let (first, second) = codes.split_once('+').unzip();
+    let is_epsg = name.trim().eq_ignore_ascii_case("EPSG");
+    let codes = (code(first.unwrap_or(codes))?, second.map(code));
+    match codes {
+        _ if !is_epsg => None,
+        (_, Some(None)) => None,
+        (first, second) => Some((first, second.flatten())),
     }
 }
 

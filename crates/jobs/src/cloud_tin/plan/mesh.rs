@@ -44,8 +44,6 @@ const MOST_PARTS: u64 = 1 << 12;
 /// A mesh to make of a cloud.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct CloudMesh {
-    /// What the user called the input.
-    label: String,
     method: Method,
     cloud: Found,
     pub(super) seen: Whole,
@@ -187,7 +185,7 @@ impl Whole {
 impl CloudMesh {
     /// That of an opened job of whose points this was seen.
     pub(super) fn of(opened: &Opened, cut: Option<u32>, seen: Whole) -> Result<Self> {
-        let Opened { job, source, label } = opened;
+        let Opened { job, source, .. } = opened;
         let inputs = match source.files() {
             [] => job.inputs.names().to_vec(),
             files => files.iter().map(|name| absolute(name)).collect::<Result<_>>()?,
@@ -195,7 +193,7 @@ impl CloudMesh {
         let (options, max_error) = (job.options.clone(), job.tolerance);
         let format = job.format()?.name.to_owned();
         let method = Method { inputs, options, format, max_error, cut };
-        let mesh = Self { label: label.clone(), method, cloud: Found::of(source.info())?, seen };
+        let mesh = Self { method, cloud: Found::of(source.info())?, seen };
         mesh.check().map(|()| mesh)
     }
 
@@ -203,10 +201,10 @@ impl CloudMesh {
     pub(super) fn files(&self, opened: &Opened) -> Vec<PathBuf> {
         let on_disk = if opened.source.files().is_empty() { &[][..] } else { &self.method.inputs };
         on_disk.iter().map(|name| path_of(name).into_owned()).collect()
-    fn format(&self) -> Result<&'static MeshFormat> {
-        mesh::by_path(Path::new(""), Some(&self.method.format))
     }
 
+    fn format(&self) -> Result<&'static MeshFormat> {
+        mesh::by_path(Path::new(""), Some(&self.method.format))
     }
 
     /// Rounds of tasks after that of choosing: where all points are vertices nothing is left to add.
@@ -420,15 +418,14 @@ impl Work for CloudMesh {
     fn tell(&self) -> CloudTinStatus {
         let (max_error, points) = (self.method.max_error, self.seen.census.kept);
         StatusReport {
-            input: self.label.clone(),
             format: self.method.format.clone(),
             of: PointStatus { max_error, points, regions: self.seen.regions.len() as u64 },
             ..StatusReport::default()
-    fn check_name(&self, output: &Path, _: &Form) -> Result<()> {
-        refuse_other_name(self.format()?, output)
+        }
     }
 
-        }
+    fn check_name(&self, output: &Path, _: &Form) -> Result<()> {
+        refuse_other_name(self.format()?, output)
     }
 
     fn output(&self, _: &Form) -> Result<PathBuf> {
@@ -438,7 +435,7 @@ impl Work for CloudMesh {
 
     fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
-        let Self { label, method, cloud, .. } = &plan.work;
+        let Self { method, cloud, .. } = &plan.work;
         let resources = beside_polygons(&method.options, &resources);
         let options = OpenOptions { threads: resources.threads, ..method.options.clone() };
         let job = CloudTinJob {
@@ -447,8 +444,8 @@ impl Work for CloudMesh {
             format: Some(method.format.clone()),
             ..CloudTinJob::new(method.inputs.clone(), output, method.max_error, resources)
         };
-        let opened = Opened::new(job, label.clone())?;
-        refuse_another("cloud", label, cloud, &Found::of(opened.source.info())?)?;
+        let opened = Opened::new(job, plan.label.clone())?;
+        refuse_another("cloud", &plan.label, cloud, &Found::of(opened.source.info())?)?;
         Ok(opened)
     }
 

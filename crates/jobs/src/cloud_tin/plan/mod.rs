@@ -121,7 +121,7 @@ pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Resu
         }
     };
     let files = mesh.files(&opened);
-    Plan::new(mesh, files, needs, skipped)?.put(folder)?;
+    Plan::new(mesh, (job.label(), files), needs, skipped)?.put(folder)?;
     plan::status::<CloudMesh>(folder)
 }
 

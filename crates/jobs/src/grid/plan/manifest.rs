@@ -15,7 +15,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 use terrane_cloud::{self as cloud, PointSource};
-use terrane_files::{name_of, path_of, shown};
+use terrane_files::{name_of, path_of};
 
 /// Sides of tiles are multiples of this many cells, the usual blocks of files.
 pub(super) const BLOCK: u32 = 256;
@@ -27,8 +27,6 @@ const TILE_POINTS: f64 = (1_u64 << 26) as f64;
 /// A grid to make of a cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Grid {
-    /// What the user called the input.
-    pub(super) label: String,
     /// What is asked for, by paths that hold wherever a task is run on this file system.
     pub(super) method: GridJob,
     pub(super) grid: Cells,
@@ -69,14 +67,13 @@ impl Grid {
     ) -> Result<Self> {
         let grid = Cells::of(&**points, extent, side);
         limits::check("number of tiles", grid.count(), plan::MOST_TASKS)?;
-        let label = job.input.iter().map(|name| shown(name)).collect::<Vec<_>>().join(", ");
         let mut method = GridJob { format: Some(job.format()?.name.to_owned()), ..job.clone() };
         method.placement.like = method.placement.like.map(absolute).transpose()?;
         if !points.files().is_empty() {
             let files = points.files().iter().cloned();
             method.input = files.map(absolute).collect::<Result<_>>()?;
         }
-        Ok(Self { label, method, grid, seen: seen.clone() })
+        Ok(Self { method, grid, seen: seen.clone() })
     }
 
     /// The files it is made from, of an opened cloud.
@@ -87,7 +84,7 @@ impl Grid {
     }
 
     /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
-    pub(super) fn open(&self, order: Order) -> Result<Opened> {
+    pub(super) fn open(&self, label: &str, order: Order) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
         let resources = beside_polygons(&self.method.cloud, &resources);
         let mut job = GridJob { output, overwrite, resources, ..self.method.clone() };
@@ -95,7 +92,7 @@ impl Grid {
         let points = cloud::source(&job.input, &job.cloud)?;
         let extent = Extent::new(points.info(), &job)?;
         let here = Cells::of(&*points, &extent, Some(self.grid.side));
-        plan::refuse_another("cloud", &self.label, &self.grid, &here)?;
+        plan::refuse_another("cloud", label, &self.grid, &here)?;
         Ok(Opened { job, points, extent, seen: self.seen.clone() })
     }
 

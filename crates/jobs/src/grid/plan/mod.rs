@@ -27,7 +27,7 @@ use crate::{Cancel, Progress, Resources};
 use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, Census, PointSource};
-use terrane_files::{name_of, refuse_held};
+use terrane_files::{name_of, refuse_held, shown_all};
 use terrane_raster::write::{self, by_name};
 use tile::Opened;
 
@@ -135,7 +135,8 @@ pub fn plan_grid(
     let files = grid.files(&*opened.points);
     let expect = || probe::expect(&opened, &grid.grid, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
-    Plan::new(grid, files, needs, skipped)?.put(folder)?;
+    let label = shown_all(&job.input);
+    Plan::new(grid, (label, files), needs, skipped)?.put(folder)?;
     plan::status::<Grid>(folder)
 }
 
@@ -197,7 +198,6 @@ impl Work for Grid {
     fn tell(&self) -> GridStatus {
         let manifest::Cells { width, height, points, side, .. } = self.grid;
         StatusReport {
-            input: self.label.clone(),
             format: self.method.format.clone().unwrap_or_default(),
             tile_cells: side,
             of: CellStatus { width, height, points },
@@ -211,7 +211,7 @@ impl Work for Grid {
     }
 
     fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
-        plan.work.open(order)
+        plan.work.open(&plan.label, order)
     }
 
     fn check_output(opened: &Opened, _: At<'_>) -> Result<()> {
@@ -249,9 +249,9 @@ impl Work for Grid {
         let file = |tile: &Tile| name_of(survey.object(*tile)?.0);
         let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
         let made = opened.write(&files, &opened.job, &opened.extent, at)?;
-        let Grid { label: input, grid: cells, .. } = survey.folder.plan.work.clone();
+        let Plan { label, work: Grid { grid: cells, .. }, .. } = &survey.folder.plan;
         let notes = losses.notes().chain(made.notes).collect();
-        let cloud_points = Some(cells.points);
+        let (cloud_points, input) = (Some(cells.points), label.clone());
         run.grid = Some(GridReport { points, cloud_points, input, notes, ..made });
         Self::written((), &opened.job.output, run);
         Ok(())

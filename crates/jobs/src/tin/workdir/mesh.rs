@@ -56,7 +56,8 @@ impl Mesh {
     pub(super) fn new(job: &TinJob, opened: &Opened, rows: Option<u32>) -> Result<Self> {
         let grid = PlannedGrid::of(opened.source.info());
         let strip_rows = Strips::new(Layout::new(grid.width, grid.height, job.tile)?, rows).rows();
-        let job = TinJob { format: Some(opened.format.name.to_owned()), ..job.clone() };
+        let (format, input) = (Some(opened.format.name.to_owned()), beside::noted(&job.input));
+        let job = TinJob { format, input, ..job.clone() };
         let mesh =
             Self { method: Method { job, strip_rows, height_origin: opened.height_origin }, grid };
         mesh.check().map(|()| mesh)
@@ -69,11 +70,11 @@ impl Mesh {
         TinJob { output, overwrite, split, solid_base, measure: true, resources, ..job }
     }
 
-    /// How the grid is cut. Fails where it is too small to be.
     fn format(&self) -> Result<&'static MeshFormat> {
         mesh::by_path(Path::new(""), self.method.job.format.as_deref())
     }
 
+    /// How the grid is cut. Fails where it is too small to be.
     fn strips(&self) -> Result<Strips> {
         let layout = Layout::new(self.grid.width, self.grid.height, self.method.job.tile)?;
         Ok(Strips::new(layout, Some(self.method.strip_rows)))
@@ -171,7 +172,6 @@ impl Work for Mesh {
 
     fn tell(&self) -> StatusReport<MeshStatus> {
         StatusReport {
-            input: self.method.job.input.to_string(),
             format: self.method.job.format.clone().unwrap_or_default(),
             tile_cells: self.strips().map_or(0, |strips| strips.layout().side()),
             of: MeshStatus { max_error: self.tolerance(), samples: self.grid.samples() },
@@ -190,12 +190,13 @@ impl Work for Mesh {
     }
 
     fn open(plan: &Plan<Self>, order: Order) -> Result<Ready> {
-        let tin = plan.work.job(order);
+        let mut tin = plan.work.job(order);
+        tin.input = tin.input.called(plan.label.clone());
         let mut opened = Opened::new(&tin)?;
         opened.height_origin = plan.work.method.height_origin;
         let Self { method, grid } = &plan.work;
         let all = files(&method.job, &*opened.source);
-        grid.check(plan, &*opened.source, (&method.job.input, all))?;
+        grid.check(plan, &*opened.source, all)?;
         Ok(Ready { tin, opened, tolerance: plan.work.tolerance() })
     }
 
@@ -273,6 +274,7 @@ mod tests {
     fn plan(side: u32) -> Value {
         json!({
             "kind": "tin", "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
+            "label": "synth:rough",
             "method": {
                 "input": { "names": ["synth:rough"], "label": "synth:rough" },
                 "reading": { "band": null, "nodata": "nan", "bounds": null, "clip": null, "water": null },

@@ -27,7 +27,6 @@ use mesh::Mesh;
 use terrane_base::error::{Error, Result};
 use terrane_files::refuse_held;
 use terrane_mesh::by_path;
-use terrane_methods::Triangulation;
 use terrane_tin::Spec;
 
 /// A mesh to plan.
@@ -128,10 +127,7 @@ fn plan_checked(
     refuse_held(job.job.input.names())?;
     let reading = job.job.reading.absolute()?;
     let constraints = job.job.refinement.constraints.absolute()?;
-    // It is Delaunay where nothing is said.
-    let triangulation = job.job.refinement.triangulation;
-    let triangulation = triangulation.filter(|own| *own != Triangulation::Delaunay);
-    let refinement = Refinement { constraints, triangulation, ..job.job.refinement.clone() };
+    let refinement = Refinement { constraints, ..job.job.refinement.clone() };
     let transform = job.job.transform.as_ref().map(Transform::absolute).transpose()?;
     let input = job.job.input.resolve()?;
     let tin = TinJob { input, reading, refinement, transform, ..job.job.clone() };
@@ -153,7 +149,7 @@ fn plan_checked(
     let there = Plan::<Mesh>::there(&job.folder);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     let files = mesh::files(&tin, &*opened.source);
-    Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;
+    Plan::new(mesh, (tin.input.to_string(), files), needs, &job.skipped)?.put(&job.folder)?;
     plan::status::<Mesh>(&job.folder)
 }
 

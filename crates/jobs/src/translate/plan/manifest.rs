@@ -11,7 +11,7 @@ use crate::translate::{Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_cloud::{CloudInfo, LasVersion, OpenOptions, PointFormat};
-use terrane_files::{name_of, path_of, shown};
+use terrane_files::{name_of, path_of};
 
 /// Points that a task has about, unless told otherwise.
 const TASK_POINTS: f64 = (1_u64 << 26) as f64;
@@ -21,8 +21,6 @@ const MOST_CUT: u32 = 1 << 10;
 /// Squares to make of a cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Points {
-    /// What the user called the input.
-    pub(super) label: String,
     pub(super) method: Method,
     pub(super) blocks: Blocks,
     /// What is known of the whole cloud.
@@ -169,11 +167,6 @@ impl Method {
     pub(super) fn input(&self) -> &[String] {
         &self.input
     }
-}
-
-/// What the user called an input.
-pub(super) fn label(job: &TranslateJob) -> String {
-    job.input.iter().map(|name| shown(name)).collect::<Vec<_>>().join(", ")
 }
 
 impl Blocks {

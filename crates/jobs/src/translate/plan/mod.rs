@@ -21,7 +21,7 @@ use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use manifest::Points;
 use terrane_base::error::Result;
-use terrane_files::refuse_held;
+use terrane_files::{refuse_held, shown_all};
 
 /// Squares of points to plan; a task has so many squares along its side (`cut`).
 pub type PlanPointsJob = plan::PlanJob<TranslateJob>;
@@ -108,7 +108,7 @@ pub fn plan_points(
     let files = work.files(&opened);
     let expect = || probe::expect(&opened, &work, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
-    Plan::new(work, files, needs, skipped)?.put(folder)?;
+    Plan::new(work, (shown_all(&job.input), files), needs, skipped)?.put(folder)?;
     plan::status::<Points>(folder)
 }
 

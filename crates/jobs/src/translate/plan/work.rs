@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::manifest::{Block, Blocks, Method, Points, label};
+use super::manifest::{Block, Blocks, Method, Points};
 use super::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
 use crate::memory::beside_polygons;
@@ -58,8 +58,7 @@ impl Points {
         let blocks = Blocks::of(&info, &method.squares, cut)?;
         blocks.check()?;
         let looked = known.map_or_else(|| opened.look(at), |looked| Ok(looked.clone()))?;
-        let label = label(job);
-        Ok((Self { label, method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
+        Ok((Self { method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
     }
 
     /// The files it is made from.
@@ -151,7 +150,6 @@ impl Work for Points {
         let Blocks { points, cut, .. } = self.blocks;
         let (squares, side) = (self.blocks.counts(), self.method.squares.side);
         StatusReport {
-            input: self.label.clone(),
             format: self.method.ending().to_owned(),
             tile_cells: cut,
             of: SquareStatus { squares, side, points },
@@ -165,19 +163,19 @@ impl Work for Points {
 
     fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
         let Order { output, overwrite, resources, .. } = order;
-        let Self { label, method, blocks, looked } = &plan.work;
+        let Self { method, blocks, looked } = &plan.work;
         let mut job = TranslateJob { output, overwrite, ..method.job()? };
         job.resources = beside_polygons(&job.cloud, &resources);
         job.cloud.threads = job.resources.threads;
         let opened = Opened::new(job)?;
         let info = translate::stored(&opened.job, &opened.cloud)?;
         let here = Blocks::of(&info, &method.squares, Some(blocks.cut))?;
-        refuse_another("cloud", label, blocks, &here)?;
+        refuse_another("cloud", &plan.label, blocks, &here)?;
         Ok(opened.knowing(looked))
     }
-        refuse_file_name(&job.output)?;
 
     fn check_output(Opened { job, cloud }: &Opened, _: At<'_>) -> Result<()> {
+        refuse_file_name(&job.output)?;
         squares::refuse_within(cloud.files(), &job.output)?;
         AtomicFolder::create(&job.output, job.overwrite, squares::is_ours).map(drop)
     }
@@ -205,11 +203,11 @@ impl Work for Points {
         run: &mut SquareRun,
         at: At<'_>,
     ) -> Result<PointsWritten> {
-        let work = &survey.folder.plan.work;
+        let Plan { label, work, .. } = &survey.folder.plan;
         let folder = AtomicFolder::create(&job.output, job.overwrite, squares::is_ours)?;
         let mut written = translate::prepared(job, cloud, None, at, |of| {
             Ok(PointsWritten {
-                input: work.label.clone(),
+                input: label.clone(),
                 output: job.output.display().to_string(),
                 point_format: of.work.carrier.format().number(),
                 crs: of.work.info.crs.label(),
