@@ -562,3 +562,30 @@ fn what_was_given_counts_whatever_its_value() {
     let error = cloud.run(grid, &output, given, at).unwrap_err();
     assert!(error.to_string().starts_with("‹ground› cannot act without"), "{error}");
 }
+
+#[test]
+fn what_stands_in_the_place_of_an_option_of_other_inputs_is_told() {
+    let place = place();
+    place.write("l.wkt", lines()).write("m.ply", "ply");
+    for (args, code, told) in [
+        (&["tin", "cloud.las", "o.ply", "--max-vertices", "9"][..], 2, "; pass --max-error in"),
+        (&["tin", "cloud.las", "o.ply", "--max-triangles", "9"], 2, "; pass --max-error in"),
+        (
+            &["tin", "cloud.las", "o.ply", "--max-error", "1", "--max-vertices", "9"],
+            2,
+            "; leave --max-vertices out",
+        ),
+        (&["verify", "l.wkt", "l.wkt", "--max-error", "1"], 2, "; pass --tolerance in its place"),
+        (&["verify", "m.ply", TERRAIN, "--tolerance", "1"], 2, "; pass --max-error in its place"),
+        (
+            &["verify", "l.wkt", "no.wkt"],
+            65,
+            "no.wkt: no such file; check the name, or name a file of",
+        ),
+        (&["line", "no.wkt", "o.wkt", "--tolerance", "1"], 65, "the name, or name a file of lines"),
+        (&["verify", "no.ply", TERRAIN], 65, "no.ply: no such file; check the name\n"),
+        (&["slope", "no.tif", "o.tif"], 65, "or use a synthetic terrain"),
+    ] {
+        place.fails(args, code, &[told]);
+    }
+}

@@ -3,7 +3,7 @@
 //!
 //! A library cannot know whether `max_error` was given on a command line or as an argument of Python, so its errors and
 //! notes name the field of the options, between two signs that no other text has. A caller from Rust reads them as they
-//! are.
+//! are. The same for what else there is to run, by its name on the command line: `‹terrane plan tin›`.
 
 use std::borrow::Cow;
 
@@ -73,8 +73,15 @@ impl Door {
         Cow::Owned(spelled + rest)
     }
 
-    /// An option alone: its name, or `name=value`.
+    /// An option alone: its name, or `name=value`; or a verb of the program.
     fn option(self, option: &str) -> String {
+        if let Some(verb) = option.strip_prefix(PROGRAM) {
+            return match (self, verb.strip_prefix("plan ")) {
+                (Self::CommandLine, _) => option.to_owned(),
+                (Self::Python, Some(of_plans @ ("run" | "status"))) => format!("Plan.{of_plans}()"),
+                (Self::Python, _) => format!("terrane.{}()", verb.replace([' ', '-'], "_")),
+            };
+        }
         let (name, value) = option.split_once('=').unzip();
         let name = match (self, name.unwrap_or(option)) {
             // Words of the language have another name there.
@@ -127,8 +134,14 @@ fn length(json: &str) -> usize {
     json.len()
 }
 
-/// True for a name as fields have them, with or without a value: anything else between the signs is text.
+/// Begins the name of a verb.
+const PROGRAM: &str = "terrane ";
+
+/// True for a name as fields have them, with or without a value, and for a verb: anything else between the signs is text.
 fn is_option(text: &str) -> bool {
+    if let Some(verb) = text.strip_prefix(PROGRAM) {
+        return verb.chars().all(|c| c.is_ascii_lowercase() || " -".contains(c));
+    }
     let name = text.split_once('=').map_or(text, |(name, _)| name);
     !name.is_empty()
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
@@ -163,6 +176,9 @@ mod tests {
             ("‹tile=512›‹strict=true›", "--tile 512--strict", "tile=512strict=True"),
             ("a ‹‹b› and ‹A B› ›", "a ‹--b and ‹A B› ›", "a ‹b and ‹A B› ›"),
             ("‹› ‹fit", "‹› ‹fit", "‹› ‹fit"),
+            ("see ‹terrane plan status›", "see terrane plan status", "see Plan.status()"),
+            ("‹terrane plan cloud-tin›", "terrane plan cloud-tin", "terrane.plan_cloud_tin()"),
+            ("‹terrane tin› ‹terrane A›", "terrane tin ‹terrane A›", "terrane.tin() ‹terrane A›"),
         ] {
             assert_eq!(CommandLine.spell(message), command_line);
             assert_eq!(Python.spell(message), python);

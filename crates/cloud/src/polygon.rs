@@ -83,7 +83,7 @@ impl PolygonRings {
         self.edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
         if self.edges.len() > MOST_EDGES {
             return Err(Error::limit("number of edges of polygons", "2^31 or more", MOST_EDGES)
-                .remedy("simplify them with terrane simplify"));
+                .remedy("simplify them with ‹terrane simplify›"));
         }
         self.features.resize(self.edges.len(), self.begun.saturating_sub(1));
         Ok(())

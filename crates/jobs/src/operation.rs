@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Map, Value as Json};
-use terrane_options::{Options, Role, Table, changed, check, check_given, fill, to_map};
+use terrane_options::{
+    Options, Role, Table, changed, check, check_given, check_planned, fill, to_map,
+};
 
 use crate::cloud_tin::CloudTinOptions;
 use crate::colours::ColorReliefOptions;
@@ -297,11 +299,11 @@ impl AnyOperation {
 }
 
 impl Call<'_> {
-    /// All options, which go together.
-    fn options<O: Operation>(&self) -> Result<O> {
+    /// All that is given, by name.
+    fn given(&self) -> Map<String, Json> {
         let mut given = self.reading.clone();
         given.extend(self.options.clone());
-        filled(&given, self.options)
+        given
     }
 }
 
@@ -328,7 +330,22 @@ pub fn check_named<O: Options>(given: &Map<String, Json>) -> Result<()> {
 }
 
 fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> Result<()> {
-    plan_of(&call.options::<O>()?, call.request, task_size).map(drop)
+    let options: O = fill(&call.given())?;
+    refuse_of_runs(&options)?;
+    check_planned(&options, &given_names(O::TABLE, call.options))?;
+    plan_of(&options, call.request, task_size).map(drop)
+}
+
+/// Fails for options that say something of a run alone.
+fn refuse_of_runs<O: Options>(options: &O) -> Result<()> {
+    let given = changed(options);
+    let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Run);
+    let mut of_runs = of_runs.filter(|field| Resources::TABLE.find(field.name).is_none());
+    of_runs.find(|field| given.contains_key(field.name)).map_or(Ok(()), |field| {
+        let name = field.name;
+        Err(Error::usage(format!("‹{name}› is for runs, and a plan runs nothing yet"))
+            .remedy(format!("leave ‹{name}› out")))
+    })
 }
 
 /// Plans what options say, none of which is for runs alone.
@@ -340,21 +357,14 @@ pub fn plan_of<O: Divisible>(
     request: Request<'_>,
     task_size: Option<u32>,
 ) -> Result<StatusReport<O::Status>> {
-    let given = changed(options);
-    let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Run);
-    let mut of_runs = of_runs.filter(|field| Resources::TABLE.find(field.name).is_none());
-    if let Some(field) = of_runs.find(|field| given.contains_key(field.name)) {
-        let name = field.name;
-        return Err(Error::usage(format!("‹{name}› is for runs, and a plan runs nothing yet"))
-            .remedy(format!("leave ‹{name}› out")));
-    }
-    check(options)?;
+    refuse_of_runs(options)?;
+    check_planned(options, &[])?;
     not_read(options, request)?;
     options.plan(request, task_size)
 }
 
 fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
-    let options: O = call.options()?;
+    let options: O = filled(&call.given(), call.options)?;
     check_all(&options, call.request)?;
     let report = options.run(call.request)?;
     serde_json::to_value(report)

@@ -80,7 +80,7 @@ fn rings_of(
     resources: &Resources,
     mut add: impl FnMut(&Feature) -> Result<()>,
 ) -> Result<(PathBuf, Crs)> {
-    let remedy = "simplify them with terrane simplify";
+    let remedy = "simplify them with ‹terrane simplify›";
     let mut file = Beside::open(name, "polygons", edge_bytes, remedy)?;
     let edges = file.each((resources.memory / 2, resources), |feature| {
         only_polygons(feature, whole)?;

@@ -14,7 +14,7 @@ use terrane_vector::{Feature, Role};
 /// Whatever the reader of the format finds; a point; a file without a polygon; more vertices than a quarter of the
 /// memory holds.
 pub(crate) fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
-    let remedy = "simplify it with terrane simplify";
+    let remedy = "simplify it with ‹terrane simplify›";
     let mut file = Beside::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;
     let mut water = WaterFeatures::default();
     file.each((resources.memory / 4, resources), |feature| add(feature, &mut water))?;

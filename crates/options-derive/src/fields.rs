@@ -15,6 +15,8 @@ struct Said {
     flatten: bool,
     name: Option<LitStr>,
     aliases: Vec<LitStr>,
+    /// Options of other structs in whose place it is.
+    stands_for: Vec<LitStr>,
     short: Option<LitChar>,
     value: Option<LitStr>,
     heading: Option<LitStr>,
@@ -137,6 +139,7 @@ fn said(attributes: &[Attribute]) -> Result<Said> {
                 () if is("no_setter") => said.no_setter = true,
                 () if is("name") => said.name = Some(meta.value()?.parse()?),
                 () if is("alias") => said.aliases.push(meta.value()?.parse()?),
+                () if is("stands_for") => said.stands_for.push(meta.value()?.parse()?),
                 () if is("short") => said.short = Some(meta.value()?.parse()?),
                 () if is("value") => said.value = Some(meta.value()?.parse()?),
                 () if is("heading") => said.heading = Some(meta.value()?.parse()?),
@@ -201,7 +204,7 @@ impl Parts {
         let codec = said.codec.as_ref();
         let codec = codec.map_or_else(|| quote!(::terrane_options::Plain), |path| quote!(#path));
         let heading = said.heading.as_ref().unwrap_or(&whole.heading);
-        let Said { aliases, default, positional, .. } = said;
+        let Said { aliases, stands_for, default, positional, .. } = said;
         let (short, default_text) =
             (optional(said.short.as_ref()), optional(said.default_text.as_ref()));
         let (off, value) = (optional(said.off.as_ref()), optional(said.value.as_ref()));
@@ -210,6 +213,7 @@ impl Parts {
         self.entries.push(quote!(::terrane_options::Entry::Field(::terrane_options::Field {
             name: #called,
             aliases: &[#(#aliases),*],
+            stands_for: &[#(#stands_for),*],
             short: #short,
             about: #about,
             off: #off,

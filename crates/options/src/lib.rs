@@ -45,6 +45,7 @@
 //! | `range = Range::POSITIVE` | least and largest value |
 //! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | the name where it cannot be that of the field, others, and a letter |
 //! | `with = PathName` | the [`Codec`] of the value, where it is not [`Plain`] |
+//! | `stands_for = "max_error"` | an option of another struct in whose place it is: who gives that one is told of this |
 //! | `heading = "Output"` | the section of help; `#[options(heading = ..)]` is for all fields of a struct |
 //! | `off = ".."` | of a flag that is on: what turning it off does |
 //! | `role = Reads` | what the value is to the engine, see [`Role`] |
@@ -62,7 +63,7 @@ mod table;
 
 pub use codec::{AnyValue, Choice, Codec, Plain, Seen, SetValue, Settable, read_text};
 pub use fill::{changed, fill, noted, set_texts, settled, texts_of, to_map};
-pub use rules::{Rule, assert_rules, check, check_given};
+pub use rules::{Rule, assert_rules, check, check_given, check_planned};
 pub use serde_json::Value as Json;
 pub use table::{Entry, Field, Kind, Named, Range, Role, Shape, Table};
 pub use terrane_options_derive::{Choice, Options};

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::{AnyValue, Field, Kind, Options, Table, texts_of, to_map};
+use crate::{AnyValue, Field, Kind, Options, Role, Table, texts_of, to_map};
 use terrane_base::error::{Error, Result};
 
 /// What options go with what. A term is the name of an option that is not at its default, or `name=value`, which of several
@@ -64,6 +64,18 @@ pub fn check<O: Options>(options: &O) -> Result<()> {
 /// # Errors
 /// Those of [`check`].
 pub fn check_given<O: Options>(options: &O, given: &[&str]) -> Result<()> {
+    check_as(options, given, false)
+}
+
+/// The same of a plan, which has no options that say something of a run alone: none of these is offered.
+///
+/// # Errors
+/// Those of [`check`].
+pub fn check_planned<O: Options>(options: &O, given: &[&str]) -> Result<()> {
+    check_as(options, given, true)
+}
+
+fn check_as<O: Options>(options: &O, given: &[&str], is_plan: bool) -> Result<()> {
     let fields = O::TABLE.fields();
     let mut found = Ok(());
     options.visit(&mut |name, value| {
@@ -74,7 +86,7 @@ pub fn check_given<O: Options>(options: &O, given: &[&str]) -> Result<()> {
     });
     found?;
     let (table, now, defaults) = (O::TABLE, to_map(options), to_map(&O::default()));
-    let given = Given { table, now, defaults, given };
+    let given = Given { table, now, defaults, given, is_plan };
     table.rules().into_iter().try_for_each(|rule| given.check(rule))
 }
 
@@ -101,6 +113,7 @@ struct Given<'a> {
     now: Map<String, Json>,
     defaults: Map<String, Json>,
     given: &'a [&'a str],
+    is_plan: bool,
 }
 
 impl Given<'_> {
@@ -127,6 +140,12 @@ impl Given<'_> {
     fn is_given(&self, name: &str) -> bool {
         let kind = self.table.find(name).map(|field| field.kind);
         self.given.contains(&name) && !matches!(kind, None | Some(Kind::Flag))
+    }
+
+    /// Those of the options that there are.
+    fn had<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
+        let is_of_runs = |name| self.table.find(name).is_some_and(|own| own.role == Role::Run);
+        names.iter().copied().filter(|name| !(self.is_plan && is_of_runs(name))).collect()
     }
 
     /// Options to add; of a single one that is a choice, with what there is to choose.
@@ -170,7 +189,7 @@ impl Given<'_> {
                 let given: Vec<&str> = names.iter().copied().filter(|name| self.is(name)).collect();
                 match given.as_slice() {
                     [] => Err(Error::usage(format!("no {what} given"))
-                        .remedy(format!("pass {}", self.listed(names)))),
+                        .remedy(format!("pass {}", self.listed(&self.had(names))))),
                     [_] => Ok(()),
                     [first, second, ..] => Err(self.together(first, second)),
                 }

@@ -109,6 +109,8 @@ pub struct Field {
     pub name: &'static str,
     /// Other names of it.
     pub aliases: &'static [&'static str],
+    /// Options of other structs in whose place it is, for those who meet the one and know the other.
+    pub stands_for: &'static [&'static str],
     /// A letter for the command line.
     pub short: Option<char>,
     /// What it means.

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use terrane_options::check_given;
+use terrane_options::check_planned;
 
 use crate::cli::operation::{Frame, Source, take};
 use crate::cli::shared::many::Many;
@@ -150,7 +150,7 @@ fn plan<O: Divisible<Input: Source>>(
     summary: fn(&StatusReport<O::Status>) -> String,
 ) -> Result<Outcome> {
     let Frame { input, output, given, many, show, .. } = *frame;
-    check_given(&options, given)?;
+    check_planned(&options, given)?;
     let sifted = take::<O, O::Input>((&mut options, given), input.to_vec(), many)?;
     let (inputs, skipped) = (&Inputs::from(sifted.names), sifted.skipped.as_slice());
     let (progress, is_measured) = (show.progress(), false);

@@ -18,8 +18,24 @@ pub(crate) fn inputs(inputs: &[String]) -> Result<()> {
     all(inputs.iter().map(|name| input(name)).collect()).map(drop)
 }
 
+/// The same of features.
+pub(crate) fn features(inputs: &[String]) -> Result<()> {
+    let input = |name: &String| there(name, Some("name a file of lines"));
+    all(inputs.iter().map(input).collect()).map(drop)
+}
+
 /// Fails when `input` is neither files that are there nor the name of a synthetic terrain.
 pub(crate) fn input(input: &str) -> Result<()> {
+    there(input, Some("use a synthetic terrain such as synth:rough,size=2049"))
+}
+
+/// Fails when what was written is not there.
+pub(crate) fn written(file: &str) -> Result<()> {
+    there(file, None)
+}
+
+/// Fails when `input` is neither files that are there nor made by a rule; what else to do is told where it is missing.
+fn there(input: &str, or: Option<&str>) -> Result<()> {
     pipes::refuse_input(input)?;
     let path = &*path_of(raster::file_name(input));
     if is_made(input) || path.is_file() || raster::is_collection(input) {
@@ -27,10 +43,10 @@ pub(crate) fn input(input: &str) -> Result<()> {
     }
     Err(match std::fs::metadata(path) {
         Ok(_) => Error::bad_input("is not a regular file").in_file(path).remedy("name a file"),
-        Err(e) if is_nowhere(e.kind()) && is_address(path) => Error::missing(path),
-        Err(e) if is_nowhere(e.kind()) => {
-            Error::missing(path).or("use a synthetic terrain such as synth:rough,size=2049")
-        }
+        Err(e) if is_nowhere(e.kind()) => match or.filter(|_| !is_address(path)) {
+            Some(or) => Error::missing(path).or(or),
+            None => Error::missing(path),
+        },
         Err(e) => Error::read(path, e),
     })
 }

@@ -58,7 +58,8 @@ impl Kind<'_> {
             Self::Clouds(_) => {
                 all(cloud::files(names)?.iter().map(|file| is_there(file)).collect()).map(drop)
             }
-            Self::Grids(_) | Self::Features(_) => check::inputs(names),
+            Self::Grids(_) => check::inputs(names),
+            Self::Features(_) => check::features(names),
         }
     }
 

@@ -135,26 +135,33 @@ impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
         let mut options = O::default();
         for (name, texts) in self.names.iter().zip(&self.texts) {
             let Some(field) = O::TABLE.find(name) else {
-                return Err(refusal::<K>(name, input, O::TABLE));
+                return Err(self.refusal(name, input, O::TABLE));
             };
             set_texts(&mut options, field, texts)?;
         }
         Ok(options)
     }
-}
 
-/// The error of an option of other kinds of inputs.
-fn refusal<K: Kinds>(name: &str, input: &str, own: &'static Table) -> Error {
-    let having = K::ALL.iter().filter_map(|kind| Some((kind.of, kind.table.find(name)?)));
-    let (of, fields): (Vec<_>, Vec<_>) = having.unzip();
-    let off = if fields.iter().any(|field| field.off.is_some()) { "=false" } else { "" };
-    let option = format!("‹{name}{off}›");
-    let own =
-        K::ALL.iter().find(|kind| std::ptr::eq(kind.table, own)).map_or("this", |kind| kind.of);
-    Error::usage(format!("{option} is for {}, not for {own}", of.join(" and ")))
-        .in_file(&path_of(input))
-        .remedy(match input {
-            "-" => format!("leave {option} out, or name stdin cloud:- where it has points"),
-            _ => format!("leave {option} out"),
-        })
+    /// The error of an option of other kinds of inputs.
+    fn refusal(&self, name: &str, input: &str, own: &'static Table) -> Error {
+        let having = K::ALL.iter().filter_map(|kind| Some((kind.of, kind.table.find(name)?)));
+        let (of, fields): (Vec<_>, Vec<_>) = having.unzip();
+        let off = if fields.iter().any(|field| field.off.is_some()) { "=false" } else { "" };
+        let option = format!("‹{name}{off}›");
+        let kind = K::ALL.iter().find(|kind| std::ptr::eq(kind.table, own));
+        let kind = kind.map_or("this", |kind| kind.of);
+        let in_place = own
+            .fields()
+            .into_iter()
+            .find(|field| field.stands_for.contains(&name) && !self.names.contains(&field.name));
+        Error::usage(format!("{option} is for {}, not for {kind}", of.join(" and ")))
+            .in_file(&path_of(input))
+            .remedy(match (input, in_place) {
+                (_, Some(field)) => format!("pass ‹{}› in its place", field.name),
+                ("-", None) => {
+                    format!("leave {option} out, or name stdin cloud:- where it has points")
+                }
+                _ => format!("leave {option} out"),
+            })
+    }
 }

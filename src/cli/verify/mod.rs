@@ -94,7 +94,7 @@ impl Verb for Args {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let mesh = name_of(args.mesh.clone())?;
-    check::input(&mesh)?;
+    check::written(&mesh)?;
     args.source.iter().try_for_each(|name| pipes::refuse_input(name))?;
     if is_tiles(&args.mesh) {
         return match args.many.are_clouds(&args.source)? {
@@ -163,7 +163,7 @@ impl Args {
             ))
             .remedy(format!("leave {option} out")));
         }
-        self.source.iter().try_for_each(|original| check::input(original))?;
+        check::features(&self.source)?;
         self.check_files(&options, self.source.clone())?;
         self.tell(&options, self.source.clone(), &[], cancel, line::summary)
     }

@@ -308,3 +308,11 @@ def test_proofs_fail_where_a_mesh_is_wrong(heights: NDArray[np.float32], tmp_pat
     assert terrane.verify(path, heights).as_dict()["passed"]
     with pytest.raises(terrane.Error, match="no path of a mesh"):
         terrane.verify(5, heights)  # type: ignore[arg-type]
+
+
+def test_errors_about_a_mesh_in_memory_name_no_temporary_file() -> None:
+    mesh = terrane.tin("synth:rough,size=100", max_error=5.0)
+    with pytest.raises(terrane.Error) as refused:
+        terrane.verify(mesh, "synth:rough,size=100", bands=[1, 2])
+    assert "terrane-" not in str(refused.value)
+    assert "terrane-" not in (refused.value.file or "")

@@ -57,7 +57,17 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
         terrane.plan_grid("synth:cloud,size=50", tmp_path / "work", cell=1.0, clip=[])
     with pytest.raises(FileNotFoundError):
         terrane.open_plan(tmp_path / "work")
+    with pytest.raises(terrane.Error, match=r"no target given; pass max_error$"):
+        terrane.plan_tin(DEM, tmp_path / "work")
+    with pytest.raises(terrane.Error, match="disk_check is for runs.*; leave disk_check out"):
+        terrane.plan_tin(DEM, tmp_path / "work", 5.0, disk_check=False)
     plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, task_size=2)
+    with pytest.raises(terrane.Error, match="task is 3, and tasks have names; pass one such as 'strip-0'"):
+        plan.run(task=3)  # type: ignore[arg-type]
+    with pytest.raises(terrane.Error, match=r"no task strip-99; see Plan.status\(\)"):
+        plan.run(task="strip-99")
+    with pytest.raises(terrane.Error, match=r"x.obj: PLY cannot have this ending; end the name in .ply"):
+        plan.run(output=tmp_path / "x.obj")
     (tmp_path / "mesh.ply").write_text("another")
     with pytest.raises(FileExistsError):
         plan.run(output=tmp_path / "mesh.ply")

@@ -23,7 +23,8 @@ use terrane_raster::Inputs;
 #[non_exhaustive]
 pub struct CloudTinOptions {
     /// Largest vertical distance of any point from the mesh, in the vertical unit of the data; 0 keeps all points
-    #[option(value = "E", range = Range::FROM_ZERO, heading = "Target")]
+    #[option(value = "E", stands_for = "max_vertices", stands_for = "max_triangles", range = Range::FROM_ZERO,
+             heading = "Target")]
     pub max_error: Option<f64>,
     /// How the cloud is read.
     #[option(flatten)]

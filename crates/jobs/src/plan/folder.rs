@@ -62,7 +62,7 @@ impl<W: Work> Folder<W> {
             true => Ok(Named::Task(task)),
             false => Err(Error::usage(format!("the plan has no task {task}"))
                 .in_file(&self.path)
-                .remedy("see terrane plan status")),
+                .remedy("see ‹terrane plan status›")),
         }
     }
 
@@ -237,5 +237,5 @@ fn no_task<W: Work>(name: &str) -> Error {
     };
     let names: String = W::NAMES.iter().enumerate().map(some).collect();
     Error::usage(format!("\"{name}\" is no task"))
-        .remedy(format!("tasks are {names}finish: see terrane plan status"))
+        .remedy(format!("tasks are {names}finish: see ‹terrane plan status›"))
 }

@@ -84,10 +84,9 @@ pub(crate) enum Look {
 
 /// The error of an object that is not what was written.
 pub(crate) fn damaged_object(path: &Path) -> Error {
-    let folder = parent(parent(path));
     Error::new(ErrorKind::Io, "is damaged")
         .in_file(path)
-        .remedy(format!("it is made anew by terrane plan run {}", folder.display()))
+        .remedy("run the plan, which makes it anew: ‹terrane plan run›")
 }
 
 /// The error of what cannot be made because the folder it belongs in is not there.
@@ -183,6 +182,7 @@ fn parent(path: &Path) -> &Path {
         _ => Path::new("."),
     }
 }
+
 /// A thing in which each file is known by where it really is, links followed, as far as that can be told here.
 fn by_place<T: Serialize>(thing: &T) -> Value {
     let mut told = serde_json::to_value(thing).unwrap_or_default();
@@ -205,7 +205,6 @@ fn resolve(value: &mut Value) {
         Value::Null | Value::Bool(_) | Value::Number(_) => {}
     }
 }
-
 
 /// The first value in which two things differ, by its name in both.
 fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {

@@ -105,7 +105,7 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
         let told = "holds no plan";
         let error = if folder.exists() { Error::bad_input(told) } else { Error::not_found(told) };
         return Err(error.in_file(folder).remedy(
-            "make one: terrane plan tin GRID... or CLOUD..., plan tiles GRID..., plan grid CLOUD... or plan points CLOUD..., -o FOLDER",
+            "make one with ‹terrane plan tin›, ‹terrane plan tiles›, ‹terrane plan grid› or ‹terrane plan points›",
         ));
     }
     let fail = |e| Error::read(&path, e);

@@ -162,7 +162,7 @@ fn apart(a: Xy, b: Xy) -> f64 {
 
 fn too_many(bytes: u64) -> Error {
     let message = format!("its sides take {} MiB for a mask", bytes.div_ceil(1 << 20));
-    short(message, 4 * bytes).or("a smaller ‹max_level›, or simplify it with terrane simplify")
+    short(message, 4 * bytes).or("a smaller ‹max_level›, or simplify it with ‹terrane simplify›")
 }
 
 #[cfg(test)]

@@ -75,7 +75,8 @@ impl<O: Proof> Job<'_, O, Written> {
 #[non_exhaustive]
 pub struct MeshProof {
     /// Largest vertical distance allowed
-    #[option(value = "E", range = Range::FROM_ZERO, default_text = "the one the mesh file states")]
+    #[option(value = "E", stands_for = "tolerance", range = Range::FROM_ZERO,
+             default_text = "the one the mesh file states")]
     pub max_error: Option<f64>,
     /// What the bound is of: samples, or surface for every point of the lines between neighbouring samples as well
     #[option(value = "WHAT", with = BoundName,
@@ -113,7 +114,8 @@ const OF_MESHES: &[Rule] = &[
 #[non_exhaustive]
 pub struct CloudMeshProof {
     /// Largest vertical distance allowed
-    #[option(value = "E", range = Range::FROM_ZERO, default_text = "the one the mesh file states")]
+    #[option(value = "E", stands_for = "tolerance", range = Range::FROM_ZERO,
+             default_text = "the one the mesh file states")]
     pub max_error: Option<f64>,
     /// What has to be in it.
     #[option(flatten)]
@@ -170,7 +172,8 @@ pub struct CloudTilesProof {
 #[non_exhaustive]
 pub struct LineProof {
     /// Largest distance allowed, in units of the data, or with a unit: 100m, 2km, 50ft
-    #[option(value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, default_text = "only measure it")]
+    #[option(value = "LENGTH", stands_for = "max_error", with = LengthText, range = Range::FROM_ZERO,
+             default_text = "only measure it")]
     pub tolerance: Option<Length>,
     /// What a distance is: in x and y, or in x, y and z
     #[option(value = "NAME")]

@@ -54,7 +54,7 @@ pub(crate) fn cache_beside(
     let too_large = || {
         let mib = held.div_ceil(1 << 20);
         let message = format!("its {what} take {mib} MiB, more than is left for what is read");
-        too_large_for_cache(message, held).or("simplify them with terrane simplify").in_file(path)
+        too_large_for_cache(message, held).or("simplify them with ‹terrane simplify›").in_file(path)
     };
     let room = (options.cache_bytes as u64).checked_sub(held).ok_or_else(too_large)?;
     Ok(usize::try_from(room).unwrap_or(usize::MAX))

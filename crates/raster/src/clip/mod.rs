@@ -69,7 +69,7 @@ impl ClipRings {
         }
         if u32::try_from(self.edges.len() + ring.len()).is_err() {
             return Err(Error::limit("number of edges of polygons", "above 2^32", u32::MAX)
-                .remedy("simplify them with terrane simplify"));
+                .remedy("simplify them with ‹terrane simplify›"));
         }
         let feature = self.features;
         let nexts = ring.iter().skip(1).chain(ring.first());

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 class Error(Exception):
     """What went wrong: `kind` is a word for it, `file` and `place` say where, `remedy` what to do about it;
@@ -107,6 +109,22 @@ def refuse_existing(path: str, overwrite: bool) -> None:
         remedy = "choose another name, or pass overwrite=True"
         told = f"{path}: output exists already; {remedy}"
         raise ExistsError(told, "cannot_write", path, remedy=remedy)
+
+
+@contextmanager
+def in_memory(path: str) -> Iterator[None]:
+    """Errors about a temporary file are about what it stands for.
+
+    >>> with in_memory("/tmp/mesh.ply"):
+    ...     raise usage("/tmp/mesh.ply: no mesh")
+    Traceback (most recent call last):
+    ...
+    terrane._errors.InputError: in memory: no mesh
+    """
+    try:
+        yield
+    except Error as error:
+        raise error.about(path, "in memory") from None
 
 
 def usage(message: str, remedy: str | None = None) -> Error:

@@ -17,7 +17,7 @@ import numpy as np
 
 from terrane import _beside, _terrane
 from terrane._clouds import OPENING, GridResult, cloud_of
-from terrane._errors import refuse_existing, usage
+from terrane._errors import in_memory, refuse_existing, usage
 from terrane._lines import Lines, sorted_lines
 from terrane._mesh import Mesh
 from terrane._numbers import number
@@ -119,7 +119,8 @@ def mesh_file(mesh: Any) -> Iterator[str]:
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "mesh.ply")
         mesh.write(path)
-        yield path
+        with in_memory(path):
+            yield path
 
 
 def is_true(value: Any) -> bool:
@@ -281,7 +282,8 @@ def contour(
             raise usage(f"{key} is for files, and the lines stay in memory", "pass output, too")
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "lines.fgb")
-        run("contour", src, path, options)
+        with in_memory(path):
+            run("contour", src, path, options)
         found = _terrane.read_lines(path, options.get("attribute") or "elev")
     coordinates, offsets, values, crs = found
     order = np.lexsort((np.arange(len(values)), values))
@@ -341,7 +343,9 @@ def grid(
         if is_asked(options.get(key)):
             raise usage(f"{key} is for files, and the grid stays in memory", "pass output, too")
     folder = tempfile.TemporaryDirectory(prefix="terrane-")
-    report = run("grid", src, os.path.join(folder.name, "grid.tif"), options)
+    path = os.path.join(folder.name, "grid.tif")
+    with in_memory(path):
+        report = run("grid", src, path, options)
     return GridResult(folder, report)
 
 

@@ -50,6 +50,9 @@ class Plan:
         if client is None:
             if options:
                 raise TypeError(f"run() got an unexpected keyword argument {min(options)!r}")
+            if not isinstance(task, str | None):
+                first = next((task for task, _ in self.status()["to_do"]), "finish")
+                raise usage(f"task is {task!r}, and tasks have names", f"pass one such as {first!r}")
             parts = number("split", split)
             return self._plan.run(task, name, parts, overwrite, settings(threads, memory, progress))
         if task is not None or progress is not None or split is not None:

@@ -133,7 +133,7 @@ fn refuse_lines(job: &CloudTinJob) -> Result<()> {
         Some((option, _)) => Err(Error::usage(format!(
             "{option} cannot act in the plan of a cloud's mesh: the nearest point may be however far away"
         ))
-        .remedy(format!("leave {option} out, or run terrane tin without a plan"))),
+        .remedy(format!("leave {option} out, or run ‹terrane tin› without a plan"))),
     }
 }
 

@@ -104,7 +104,7 @@ pub fn plan_grid(
     if job.water.is_some() {
         return Err(Error::usage("‹water› makes the level of a lake of its whole bank at once")
             .remedy(
-                "plan without it, and pass ‹water› to terrane convert, tin or contour of the grid",
+                "plan without it, and pass ‹water› to ‹terrane convert›, ‹terrane tin› or ‹terrane contour› of the grid",
             ));
     }
     if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {

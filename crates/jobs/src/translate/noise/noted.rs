@@ -145,8 +145,9 @@ impl Marked<'_> {
 }
 
 fn too_much() -> Error {
-    Error::new(ErrorKind::Resource, "there is more noise than a plan has room to note")
-        .remedy("run terrane points ‹classify› noise alone, and plan the squares of what it writes")
+    Error::new(ErrorKind::Resource, "there is more noise than a plan has room to note").remedy(
+        "run ‹terrane points› with ‹classify=noise› alone, and plan the squares of what it writes",
+    )
 }
 
 #[cfg(test)]

@@ -103,7 +103,7 @@ impl Method {
             return Err(Error::usage(
                 "‹split› is not supported by plan points: a value may have points in every task",
             )
-            .remedy("plan with ‹tile› and run terrane points ‹split› on its folder, or run terrane points alone"));
+            .remedy("plan with ‹tile› and run ‹terrane points› with ‹split› on its folder, or run ‹terrane points› alone"));
         }
         let Some((squares, is_plain)) = *squares else {
             return Err(Error::usage("a plan makes squares: one file is written by one run")
@@ -111,11 +111,11 @@ impl Method {
         };
         if transform.is_some() {
             return Err(Error::usage("‹to_crs› cannot act in a plan: which points are in a square of another system is known when all are moved")
-                .remedy("plan without it and run terrane points ‹to_crs› on the squares, or run terrane points alone"));
+                .remedy("plan without it and run ‹terrane points› with ‹to_crs› on the squares, or run ‹terrane points› alone"));
         }
         if distance.is_some() {
             return Err(Error::usage("‹thin_distance› cannot act in a plan: whether a point stays may depend on points however far away")
-                .remedy("plan without it and run terrane points ‹thin_distance› on the squares, or run terrane points alone"));
+                .remedy("plan without it and run ‹terrane points› with ‹thin_distance› on the squares, or run ‹terrane points› alone"));
         }
         Ok(Self {
             input: input.clone(),
