@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Args, mesh, name_of, picture, proof, size, terrain};
+use super::{Args, mesh, name_of, picture, prove, size, terrain};
 use crate::atomic;
 use crate::cli::shared::{Outcome, report, say, text};
 use crate::error::{Error, Result};
@@ -116,7 +116,7 @@ fn row(way: &Way, job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Res
         None => jobs::tin::run(job, progress, cancel)?,
         Some(name) => jobs::tin::run_by(job, &by_name(name)?, progress, cancel)?,
     };
-    let checked = jobs::verify::run(&proof(job, &made), progress, cancel)?;
+    let checked = prove(job, &made, progress, cancel)?;
     Ok(Row {
         method: way.label,
         mesh: made.output,

@@ -13,9 +13,9 @@ use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::tin::{Goal, TinJob, TinReport};
-use crate::jobs::verify::{VerifyJob, VerifyReport};
+use crate::jobs::verify::{MeshProof, Proof, VerifyReport, Written};
 use crate::jobs::view::{PictureOptions, ViewJob};
-use crate::jobs::{self, Cancel, Resources};
+use crate::jobs::{self, Cancel, Progress, Resources};
 
 /// Make a synthetic terrain, simplify it, prove the result, and draw it
 #[derive(Clone, Debug, clap::Args)]
@@ -77,7 +77,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     convert::run(&terrain(TERRAIN, &files.grid, &resources), progress, cancel)?;
     let job = mesh(&files.grid, &files.mesh, &resources)?;
     let made = jobs::tin::run(&job, progress, cancel)?;
-    let checked = jobs::verify::run(&proof(&job, &made), progress, cancel)?;
+    let checked = prove(&job, &made, progress, cancel)?;
     jobs::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
     let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
     report::write(&files.report, true, &report)?;
@@ -96,20 +96,19 @@ fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
     })
 }
 
-/// The proof of what a job wrote.
-fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
-    VerifyJob {
-        mesh: job.output.clone(),
-        raster: job.input.clone(),
-        reading: job.reading.clone(),
-        tolerance: Some(made.tolerance),
-        bound: None,
-        min_angle: None,
-        keep_points: None,
-        breaklines: None,
-        bands: None,
-        resources: job.resources.clone(),
-    }
+/// Proves what a job wrote.
+fn prove(
+    job: &TinJob,
+    made: &TinReport,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VerifyReport> {
+    let mut proof = MeshProof::default();
+    proof.max_error = Some(made.tolerance);
+    proof.grid = job.reading.clone();
+    proof.resources = job.resources.clone();
+    let written = Written { file: job.output.clone(), original: job.input.clone() };
+    proof.prove(&written, progress, cancel)
 }
 
 fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {

@@ -17,6 +17,7 @@ use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, report, say, text};
 use crate::error::{Error, ErrorKind, Result};
+use crate::files::path_of;
 use crate::jobs::info::{
     CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
     GridInfoReport, Inspection, MeshInfoOptions, MeshInfoReport,
@@ -177,6 +178,9 @@ impl Args {
             other => return other,
         };
         // A table of positions may be features.
+        if !files.iter().any(|file| many::are_lines(&path_of(file))) {
+            return Err(as_grid);
+        }
         match self.features(files, at) {
             Ok((mut facts, skipped)) if facts.is_more_than_positions() => {
                 facts.notes.push(format!("taken for features, because as a grid: {as_grid}"));

@@ -7,11 +7,10 @@ use serde::Serialize;
 
 use super::found::Verdict;
 use super::report::{Place, VerifyReport};
-use super::{Asked, VerifyJob, tolerance, verify};
+use super::{Asked, MeshProof, Proving, tolerance, verify};
 use crate::bands::{Bands, Joined, label};
 use crate::memory::cache_beside;
 use crate::{Cancel, Progress};
-use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
 use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
@@ -49,7 +48,7 @@ pub struct BandProof {
 
 /// A mesh and a job that names bands.
 pub(super) struct Proof<'a> {
-    pub(super) job: &'a VerifyJob,
+    pub(super) job: &'a Proving<'a, MeshProof>,
     pub(super) mesh: &'a dyn MeshSource,
     pub(super) stated: &'a Promises,
     pub(super) progress: &'a dyn Progress,
@@ -59,14 +58,14 @@ pub(super) struct Proof<'a> {
 impl Proof<'_> {
     /// Proves every channel and the heights; returns the reference system of the grid, too.
     pub(super) fn run(&self, asked: &AskedBands) -> Result<(VerifyReport, Crs)> {
-        let in_mesh = |e: Error| e.in_file(&self.job.mesh);
+        let in_mesh = |e: Error| e.in_file(&self.job.written.file);
         let heights = asked.heights.map(HeightBand::Band).or(self.stated.heights);
         let bands = bands((self.mesh.info(), self.stated), asked).map_err(in_mesh)?;
-        let tolerance = self.job.tolerance.or(tolerance(self.stated));
-        let in_raster = |e: Error| e.in_file(Path::new(&self.job.raster.to_string()));
-        let cache = cache_beside(self.job.resources.memory);
-        let options = self.job.reading.options(&self.job.resources, cache)?;
-        let joined = bands.open(&self.job.raster, &options).map_err(in_raster)?;
+        let tolerance = self.job.options.tolerance().or(tolerance(self.stated));
+        let in_raster = |e: Error| e.in_file(Path::new(&self.job.written.original.to_string()));
+        let cache = cache_beside(self.job.options.resources.memory);
+        let options = self.job.options.grid.options(&self.job.options.resources, cache)?;
+        let joined = bands.open(&self.job.written.original, &options).map_err(in_raster)?;
         let mut report = None;
         match heights {
             Some(HeightBand::Band(band)) => {
@@ -123,8 +122,8 @@ impl Proof<'_> {
         grid: &dyn GridSource,
         tolerance: Option<f64>,
     ) -> Result<VerifyReport> {
-        let asked = Asked { min_angle: self.job.min_angle, ..Asked::of_samples(tolerance) };
-        verify(mesh, grid, asked, &self.job.resources, self.progress, self.cancel)
+        let asked = Asked { min_angle: self.job.options.min_angle, ..Asked::of_samples(tolerance) };
+        verify(mesh, grid, asked, &self.job.options.resources, self.progress, self.cancel)
     }
 }
 
@@ -201,22 +200,6 @@ fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<B
 /// What is told of a mesh that states bands, where none were named: it is judged without them.
 pub(super) fn not_judged(label: &str) -> String {
     format!("how its channels keep to bands {label} (‹bands›)")
-}
-
-/// A promise that is not about bands and that this mesh was not asked for.
-pub(super) fn check_other(job: &VerifyJob) -> Result<()> {
-    let others = [
-        ("‹bound› surface", job.bound == Some(Bound::Surface)),
-        ("‹keep_points›", job.keep_points.is_some()),
-        ("‹breaklines›", job.breaklines.is_some()),
-        ("‹water›", job.reading.water.is_some()),
-    ];
-    match others.into_iter().find(|(_, given)| *given) {
-        None => Ok(()),
-        Some((option, _)) => Err(Error::usage(format!("{option} is for meshes of one band"))
-            .in_file(&job.mesh)
-            .remedy(format!("leave out {option}, or ‹bands›"))),
-    }
 }
 
 /// A channel of a mesh as its heights.

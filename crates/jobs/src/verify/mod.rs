@@ -28,7 +28,6 @@ use crate::bands::{Joined, label};
 use crate::figures::Figures;
 use crate::kept::{Features, Kept};
 use crate::memory::{PROGRAM, beside_program, cache_beside, short};
-use crate::options::GridInput;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -37,12 +36,13 @@ use terrane_files::Buckets;
 use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
 use terrane_methods::{METHODS, Triangulation};
 use terrane_proof::{Layout, Precision, Snapper};
-use terrane_raster::{self as raster, GridSource, Inputs};
+use terrane_raster::{self as raster, GridSource};
 
 pub use bands::{AskedBands, BandProof};
-pub use cloud::{CloudVerifyJob, CloudVerifyReport, OfCloud, prove_cloud, verify_cloud};
+pub use cloud::{CloudVerifyReport, OfCloud, prove_cloud};
 pub use found::{FaultReport, MeshReport, Original, Verdict};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
+use options::Proving;
 pub use options::{
     CloudMeshProof, CloudTilesProof, Gone, LineProof, MeshProof, Proof, TilesProof, Written,
 };
@@ -55,61 +55,45 @@ pub use report::{OfGrid, Place, VerifyReport};
 /// Least memory a verification can work in, and least for each thread.
 const LEAST_MEMORY: u64 = 1 << 20;
 
-/// A mesh to be proven against a raster.
-#[derive(Clone, Debug)]
-pub struct VerifyJob {
-    /// Mesh file.
-    pub mesh: PathBuf,
-    /// File names, or a synthetic terrain by name.
-    pub raster: Inputs,
-    /// What is read of it.
-    pub reading: GridInput,
-    /// Largest allowed vertical distance; what the mesh's comments say when `None`.
-    pub tolerance: Option<f64>,
-    /// What the tolerance is of; what the mesh's comments say when `None`, samples where they say nothing.
-    pub bound: Option<Bound>,
-    /// The smallest angle that triangles may have in plan, in degrees; what the mesh's comments say when `None`.
-    pub min_angle: Option<f64>,
-    /// The name of a file of features; the sample nearest to each point of it has to be a vertex.
-    pub keep_points: Option<String>,
-    /// The name of a file of lines and polygons that edges have to follow.
-    pub breaklines: Option<String>,
-    /// The bands that the mesh's channels are held to.
-    pub bands: Option<AskedBands>,
-    /// What the job may use.
-    pub resources: Resources,
-}
-
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
 /// no error, but a report with `passed` false.
-pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
-    let mesh = open_mesh(&job.mesh)?;
-    let of_bands = job.bands.as_ref();
+fn run(
+    job: &Proving<'_, MeshProof>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VerifyReport> {
+    let bands = job.options.asked_bands()?;
+    let mesh = open_mesh(&job.written.file)?;
+    let of_bands = bands.as_ref();
     let options = [
-        ("max error", "‹max_error›", job.tolerance.is_some()),
-        ("bound", "‹bound›", job.bound.is_some()),
-        ("min angle", "‹min_angle›", job.min_angle.is_some()),
+        ("max error", "‹max_error›", job.options.tolerance().is_some()),
+        ("bound", "‹bound›", job.options.bound.is_some()),
+        ("min angle", "‹min_angle›", job.options.min_angle.is_some()),
         ("bands", "‹bands›", of_bands.is_none()),
         ("weights", "‹weights›", of_bands.is_none_or(|asked| !asked.weights.is_empty())),
         ("heights", "‹band›", of_bands.is_none_or(|asked| asked.heights.is_some())),
     ];
-    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.mesh))?;
-    check_system(&stated).map_err(|e| e.in_file(&job.mesh))?;
-    let (mut report, crs) = match &job.bands {
+    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.written.file))?;
+    check_system(&stated).map_err(|e| e.in_file(&job.written.file))?;
+    let (mut report, crs) = match of_bands {
         Some(bands) => {
-            bands::check_other(job)?;
             let proof = bands::Proof { job, mesh: &*mesh, stated: &stated, progress, cancel };
             in_mesh(proof.run(bands), job)?
         }
         None => heights((&*mesh, &stated), job, progress, cancel)?,
     };
-    let header =
-        Header { mesh: &job.mesh, info: mesh.info(), stated: &stated, crs: &crs, original: "grid" };
+    let header = Header {
+        mesh: &job.written.file,
+        info: mesh.info(),
+        stated: &stated,
+        crs: &crs,
+        original: "grid",
+    };
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
     tell_of_files(&stated, job, &mut report.verdict);
-    let mesh = job.mesh.display().to_string();
-    let of = OfGrid { raster: job.raster.to_string(), ..report.of };
+    let mesh = job.written.file.display().to_string();
+    let of = OfGrid { raster: job.written.original.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
 }
 
@@ -121,9 +105,9 @@ fn check_system(stated: &Promises) -> Result<()> {
 }
 
 /// What is wrong with the mesh names it.
-fn in_mesh<T>(found: Result<T>, job: &VerifyJob) -> Result<T> {
+fn in_mesh<T>(found: Result<T>, job: &Proving<'_, MeshProof>) -> Result<T> {
     found.map_err(|e| match e.kind() {
-        ErrorKind::BadInput => e.in_file(&job.mesh),
+        ErrorKind::BadInput => e.in_file(&job.written.file),
         _ => e,
     })
 }
@@ -131,34 +115,40 @@ fn in_mesh<T>(found: Result<T>, job: &VerifyJob) -> Result<T> {
 /// Proves the heights of a mesh; returns the reference system of the grid, too.
 fn heights(
     (mesh, stated): (&dyn MeshSource, &Promises),
-    job: &VerifyJob,
+    job: &Proving<'_, MeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(VerifyReport, Crs)> {
-    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
-    let grid = raster::open_all(job.raster.names(), &options)?;
+    let options = job
+        .options
+        .grid
+        .options(&job.options.resources, cache_beside(job.options.resources.memory))?;
+    let grid = raster::open_all(job.written.original.names(), &options)?;
     let crs = grid.info().crs.clone();
     let made_of = stated.bands.as_deref().map(label);
     // What a mesh of bands states is their tolerance.
     let of_heights = tolerance(stated).filter(|_| made_of.is_none());
-    let tolerance = job.tolerance.or(of_heights);
+    let tolerance = job.options.tolerance().or(of_heights);
     let grid = match made_of.filter(|_| stated.heights == Some(HeightBand::None)) {
         None => grid,
         Some(label) if tolerance.is_some() => {
             return Err(Error::usage("the mesh has no heights that could be so far off")
-                .in_file(&job.mesh)
+                .in_file(&job.written.file)
                 .remedy(format!("pass ‹bands› {label}")));
         }
         Some(_) => Joined::of(grid).flat(),
     };
-    let bound = job.bound.or(stated.bound).unwrap_or_default();
-    let min_angle = job.min_angle.or(stated.min_angle);
-    check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
-    let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
+    let bound = job.options.bound.or(stated.bound).unwrap_or_default();
+    let min_angle = job.options.min_angle.or(stated.min_angle);
+    check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.written.original.to_string())))?;
+    let [points, lines] =
+        [&job.options.constraints.keep_points, &job.options.constraints.breaklines]
+            .map(Option::as_deref);
     let water = options.water.as_ref();
-    let kept = Features::read(points, lines, water, &job.resources)?.on(grid.info())?;
+    let kept = Features::read(points, lines, water, &job.options.resources)?.on(grid.info())?;
     let asked = Asked { tolerance, bound, min_angle, kept: &kept };
-    let report = in_mesh(verify(mesh, &*grid, asked, &job.resources, progress, cancel), job)?;
+    let report =
+        in_mesh(verify(mesh, &*grid, asked, &job.options.resources, progress, cancel), job)?;
     Ok((report, crs))
 }
 
@@ -206,12 +196,12 @@ fn is_delaunay(stated: &Promises) -> Result<bool> {
 }
 
 /// Names bands and files that the mesh was made with, as it states, and that were not given.
-fn tell_of_files(stated: &Promises, job: &VerifyJob, verdict: &mut Verdict) {
+fn tell_of_files(stated: &Promises, job: &Proving<'_, MeshProof>, verdict: &mut Verdict) {
     let mut tell = |told: String, left: String| {
         verdict.failures.extend((!verdict.passed).then_some(told));
         verdict.leave(left);
     };
-    if let Some(bands) = stated.bands.as_deref().filter(|_| job.bands.is_none()) {
+    if let Some(bands) = stated.bands.as_deref().filter(|_| job.options.bands.is_empty()) {
         let label = label(bands);
         tell(
             format!(
@@ -220,26 +210,33 @@ fn tell_of_files(stated: &Promises, job: &VerifyJob, verdict: &mut Verdict) {
             bands::not_judged(&label),
         );
     }
-    if let Some(clip) = stated.clip.as_deref().filter(|_| job.reading.clip.is_none()) {
+    if let Some(clip) = stated.clip.as_deref().filter(|_| job.options.grid.clip.is_none()) {
         tell(
             format!("the mesh states that its grid was clipped to {clip}: pass it with ‹clip›"),
             format!("whether it ends where the polygons of {clip} do (‹clip›)"),
         );
     }
-    if let Some(file) = stated.water.as_deref().filter(|_| job.reading.water.is_none()) {
+    if let Some(file) = stated.water.as_deref().filter(|_| job.options.grid.water.is_none()) {
         tell(
             format!("the mesh states that the water of {file} is level: pass ‹water›"),
             format!("whether the water of {file} is level (‹water›)"),
         );
     }
-    if job.bands.is_none() && stated.bands.is_none() {
+    if job.options.bands.is_empty() && stated.bands.is_none() {
         let known = Promises { unknown: Vec::new(), ..stated.clone() }.to_lines();
         let keys = ["bands", "weights", "heights"];
         for line in known.iter().filter(|line| keys.iter().any(|key| line.starts_with(key))) {
             verdict.leave(format!("the statement \"{line}\", without bands"));
         }
     }
-    leave_files(stated, [job.keep_points.is_some(), job.breaklines.is_some()], verdict);
+    leave_files(
+        stated,
+        [
+            job.options.constraints.keep_points.is_some(),
+            job.options.constraints.breaklines.is_some(),
+        ],
+        verdict,
+    );
 }
 
 /// Names points and lines of files that a mesh states and that were not given, as not judged.

@@ -6,16 +6,17 @@ use std::path::PathBuf;
 use serde::Serialize;
 use terrane_options::{Choice, Options, Range, Rule, check};
 
-use super::tiles::{TilesVerifyJob, TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
+use super::cloud::verify_cloud;
+use super::tiles::{TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
 use super::{
-    AskedBands, CloudVerifyJob, CloudVerifyReport, LineVerifyJob, LineVerifyReport, Verdict,
-    VerifyJob, VerifyReport, run, verify_cloud, verify_lines,
+    AskedBands, CloudVerifyReport, LineVerifyJob, LineVerifyReport, Verdict, VerifyReport, run,
+    verify_lines,
 };
 use crate::bands::Bands;
 use crate::line::{Length, Metric};
 use crate::operation::{Has, Job};
 use crate::options::{BoundName, CloudInput, FeatureInput, FileName, GridInput, LengthText};
-use crate::tiles::{GroundModel, ModelOptions};
+use crate::tiles::ModelOptions;
 use crate::tin::Constraints;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
@@ -30,6 +31,13 @@ pub struct Written {
     pub file: PathBuf,
     /// What it was made from.
     pub original: Inputs,
+}
+
+/// A proof as it is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Proving<'a, O> {
+    pub(super) written: &'a Written,
+    pub(super) options: &'a O,
 }
 
 /// A proof that a written file keeps its promises, by code that shares nothing with the code that wrote it: a struct of
@@ -204,6 +212,28 @@ pub enum Gone {
 
 const OF_LINES: &[Rule] = &[Rule::Needs("sides", &["topology"])];
 
+impl MeshProof {
+    pub(super) fn tolerance(&self) -> Option<f64> {
+        self.max_error.map(f64::abs)
+    }
+
+    /// The bands that the mesh's channels are held to.
+    pub(super) fn asked_bands(&self) -> Result<Option<AskedBands>> {
+        if self.bands.is_empty() {
+            return Ok(None);
+        }
+        let heights = Bands::new(&self.bands, &self.weights, self.grid.band)?.heights();
+        let (bands, weights) = (self.bands.clone(), self.weights.clone());
+        Ok(Some(AskedBands { heights, bands, weights }))
+    }
+}
+
+impl CloudMeshProof {
+    pub(super) fn tolerance(&self) -> Option<f64> {
+        self.max_error.map(f64::abs)
+    }
+}
+
 impl Proof for MeshProof {
     const OF: &'static str = "meshes of grids";
     type Report = VerifyReport;
@@ -214,27 +244,7 @@ impl Proof for MeshProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<VerifyReport> {
-        let asked = match self.bands.as_slice() {
-            [] => None,
-            bands => Some(AskedBands {
-                heights: Bands::new(bands, &self.weights, self.grid.band)?.heights(),
-                bands: bands.to_vec(),
-                weights: self.weights.clone(),
-            }),
-        };
-        let job = VerifyJob {
-            mesh: written.file.clone(),
-            raster: written.original.clone(),
-            reading: self.grid.clone(),
-            tolerance: self.max_error.map(f64::abs),
-            bound: self.bound,
-            min_angle: self.min_angle,
-            keep_points: self.constraints.keep_points.clone(),
-            breaklines: self.constraints.breaklines.clone(),
-            bands: asked,
-            resources: self.resources.clone(),
-        };
-        run(&job, progress, cancel)
+        run(&Proving { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &VerifyReport) -> &Verdict {
@@ -252,16 +262,7 @@ impl Proof for CloudMeshProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<CloudVerifyReport> {
-        let job = CloudVerifyJob {
-            mesh: written.file.clone(),
-            inputs: written.original.names().to_vec(),
-            options: self.cloud.options(&self.resources)?,
-            tolerance: self.max_error.map(f64::abs),
-            keep_points: self.constraints.keep_points.clone(),
-            breaklines: self.constraints.breaklines.clone(),
-            resources: self.resources.clone(),
-        };
-        verify_cloud(&job, progress, cancel)
+        verify_cloud(&Proving { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &CloudVerifyReport) -> &Verdict {
@@ -279,14 +280,7 @@ impl Proof for TilesProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<TilesVerifyReport> {
-        let job = TilesVerifyJob {
-            tiles: written.file.clone(),
-            raster: written.original.clone(),
-            reading: self.grid.clone(),
-            geoid: self.geoid.clone(),
-            resources: self.resources.clone(),
-        };
-        verify_tiles(&job, progress, cancel)
+        verify_tiles(&Proving { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &TilesVerifyReport) -> &Verdict {
@@ -304,18 +298,7 @@ impl Proof for CloudTilesProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<TilesVerifyReport> {
-        let job = TilesVerifyJob {
-            tiles: written.file.clone(),
-            raster: Inputs::default(),
-            // Points are within bounds and polygons, and the model is whole.
-            reading: GridInput { water: self.water.clone(), ..GridInput::default() },
-            geoid: self.geoid.clone(),
-            resources: self.resources.clone(),
-        };
-        let cloud = self.cloud.options(&self.resources)?;
-        let model =
-            GroundModel { input: written.original.clone(), cloud, model: self.model.clone() };
-        verify_tiles_of_cloud(&model, &job, progress, cancel)
+        verify_tiles_of_cloud(&Proving { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &TilesVerifyReport) -> &Verdict {

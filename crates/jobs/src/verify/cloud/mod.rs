@@ -14,10 +14,11 @@ mod report;
 #[cfg(test)]
 mod tests;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use super::header::{Header, judge_bounds};
+use super::options::{CloudMeshProof, Proving};
 use super::{Work, is_delaunay, leave_files, open_mesh, stated, tolerance};
 use crate::kept::Features;
 use crate::memory::with_polygons;
@@ -25,70 +26,62 @@ use crate::on_cloud::OnCloud;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::{self as cloud, OpenOptions, PointSource};
+use terrane_cloud::{self as cloud, PointSource};
 use terrane_mesh::{MeshSource, Promises};
 use terrane_proof::cloud::{Bound, Placer};
 
 pub use report::{CloudVerifyReport, OfCloud};
-
-/// A mesh to be proven against a cloud.
-#[derive(Clone, Debug)]
-pub struct CloudVerifyJob {
-    /// Mesh file.
-    pub mesh: PathBuf,
-    /// Files, folders, patterns or lists.
-    pub inputs: Vec<String>,
-    /// Which points are judged, and how they are read: as when the mesh was made.
-    pub options: OpenOptions,
-    /// Largest allowed vertical distance; what the mesh's comments say when `None`.
-    pub tolerance: Option<f64>,
-    /// The name of a file of features; the point nearest to each point of it has to be a vertex.
-    pub keep_points: Option<String>,
-    /// The name of a file of lines and polygons that edges have to follow.
-    pub breaklines: Option<String>,
-    /// What the job may use.
-    pub resources: Resources,
-}
 
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
 /// no error, but a report with `passed` false.
 ///
 /// # Errors
 /// As [`prove_cloud`], and whatever the files report.
-pub fn verify_cloud(
-    job: &CloudVerifyJob,
+pub(super) fn verify_cloud(
+    job: &Proving<'_, CloudMeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
-    let mesh = open_mesh(&job.mesh)?;
-    let options = [("max error", "‹max_error›", job.tolerance.is_some())];
-    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.mesh))?;
-    let source = cloud::source(&job.inputs, &job.options)?;
-    let tolerance = job.tolerance.or(tolerance(&stated));
-    let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
-    let features = Features::read_for_cloud(points, lines, &job.resources)?;
-    let cloud = job.inputs.join(" ");
+    let mesh = open_mesh(&job.written.file)?;
+    let options = [("max error", "‹max_error›", job.options.tolerance().is_some())];
+    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.written.file))?;
+    let opening = job.options.cloud.options(&job.options.resources)?;
+    let source = cloud::source(job.written.original.names(), &opening)?;
+    let tolerance = job.options.tolerance().or(tolerance(&stated));
+    let [points, lines] =
+        [&job.options.constraints.keep_points, &job.options.constraints.breaklines]
+            .map(Option::as_deref);
+    let features = Features::read_for_cloud(points, lines, &job.options.resources)?;
+    let cloud = job.written.original.names().join(" ");
     surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
     let asked = (tolerance, features);
-    let proved = with_polygons(&job.options, &job.resources, |resources| {
+    let proved = with_polygons(&opening, &job.options.resources, |resources| {
         prove_cloud(&*mesh, &*source, asked, &resources, progress, cancel)
     });
     let mut report = proved.map_err(|e| match e.kind() {
-        ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.mesh),
+        ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.written.file),
         _ => e,
     })?;
     let crs = &source.info().crs;
-    let header =
-        Header { mesh: &job.mesh, info: mesh.info(), stated: &stated, crs, original: "cloud" };
-    report.run.memory_budget = job.resources.memory;
+    let header = Header {
+        mesh: &job.written.file,
+        info: mesh.info(),
+        stated: &stated,
+        crs,
+        original: "cloud",
+    };
+    report.run.memory_budget = job.options.resources.memory;
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
     for (key, text) in stated.statements().filter(|(key, _)| !OF_CLOUDS.contains(key)) {
         report.verdict.leave(format!("the statement \"{key} {text}\", as no cloud keeps it"));
     }
-    let given = [job.keep_points.is_some(), job.breaklines.is_some()];
+    let given = [
+        job.options.constraints.keep_points.is_some(),
+        job.options.constraints.breaklines.is_some(),
+    ];
     leave_files(&stated, given, &mut report.verdict);
-    let mesh = job.mesh.display().to_string();
+    let mesh = job.written.file.display().to_string();
     Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
 }
 

@@ -11,6 +11,7 @@ use crate::few::Few;
 use crate::figures::Figures;
 use crate::plan::At;
 use terrane_base::geom::{Frame, Point3};
+use terrane_cloud::OpenOptions;
 use terrane_mesh::{self as mesh, MeshInfo};
 
 const FRAME: Frame = Frame { scale: [0.01, 0.01, 0.01], offset: [500_000.0, 4_750_000.0, 0.0] };

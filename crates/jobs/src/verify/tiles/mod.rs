@@ -16,7 +16,7 @@ mod shore;
 mod sweep;
 mod three;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -24,6 +24,7 @@ use self::folder::Tiles;
 use self::layer::{Kind, Layer};
 use self::place::Places;
 use self::room::{Divided, Room};
+use super::options::{CloudTilesProof, Proving, TilesProof, Written};
 use crate::figures::Figures;
 use crate::memory::{cache_beside, too_little, with_polygons};
 use crate::options::GridInput;
@@ -31,7 +32,7 @@ use crate::tiles::GroundModel;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_proof::tiles::{Shore, Tile, TileId};
-use terrane_raster::{self as raster, Inputs, Water};
+use terrane_raster::{self as raster, Water};
 
 pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
 
@@ -40,21 +41,6 @@ const LEAST_MEMORY: u64 = 32 << 20;
 
 /// Metres by which a distance may be larger than what it is held to: rounding.
 pub const ROUNDING: f64 = 1e-6;
-
-/// A set of tiles to be proven.
-#[derive(Clone, Debug)]
-pub struct TilesVerifyJob {
-    /// The folder of the tiles, or the `layer.json` or `tileset.json` in it.
-    pub tiles: PathBuf,
-    /// Names of the raster's files.
-    pub raster: Inputs,
-    /// What is read of it.
-    pub reading: GridInput,
-    /// The name of a file with the heights of the geoid that the raster's are counted from (GTX or GeoTIFF).
-    pub geoid: Option<String>,
-    /// What the job may use.
-    pub resources: Resources,
-}
 
 /// True for a folder with a `layer.json` or `tileset.json`, and for such a file.
 pub fn is_tiles(path: &Path) -> bool {
@@ -70,32 +56,35 @@ pub fn is_tiles(path: &Path) -> bool {
 /// A `layer.json` or `tileset.json` of another kind of tiles; a raster whose place
 /// on the globe is not known, that reaches beyond the world or has no valid sample; too little memory for the number of
 /// tiles or the vertices of one. A tile that cannot be decoded is a fault, and the others are proved.
-pub fn verify_tiles(
-    job: &TilesVerifyJob,
+pub(super) fn verify_tiles(
+    job: &Proving<'_, TilesProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesVerifyReport> {
     let start = Instant::now();
-    check_memory(&job.resources)?;
-    let mut room = Room::new(&job.resources);
-    let layer = Layer::read(&job.tiles, &room, cancel)?;
+    check_memory(&job.options.resources)?;
+    let mut room = Room::new(&job.options.resources);
+    let layer = Layer::read(&job.written.file, &room, cancel)?;
     let tiles = match &layer.kind {
         Kind::QuantizedMesh => Tiles::find(&layer.folder, &room, cancel)?,
         Kind::ThreeTiles(three) => three.find(&layer.folder, &room, cancel)?,
     };
     room.take_tiles(tiles.all.len());
-    let name = job.raster.to_string();
+    let name = job.written.original.to_string();
     let of_raster = |e: Error| e.in_file(Path::new(&name));
-    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
-    let grid = raster::open_all(job.raster.names(), &options)?;
+    let options = job
+        .options
+        .grid
+        .options(&job.options.resources, cache_beside(job.options.resources.memory))?;
+    let grid = raster::open_all(job.written.original.names(), &options)?;
     super::check_grid(&*grid).map_err(of_raster)?;
-    let places = Places::of(&*grid, job.geoid.as_deref(), &job.resources)
+    let places = Places::of(&*grid, job.options.geoid.as_deref(), &job.options.resources)
         .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
     let water = options.water.as_ref().filter(|_| layer.has_water);
     let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &room);
     let shore = water.map(shore).transpose()?;
     room.take(shore.as_ref().map_or(0, Shore::bytes));
-    let room = room.divided(&places, job.resources.threads);
+    let room = room.divided(&places, job.options.resources.threads);
     let (layer, tiles, room, steep) = (&layer, &tiles, &room, 0.0);
     let mut context = Context { layer, tiles, places, shore, steep, progress, cancel, room };
     let (sweep, under) = sweep::check(&context)?;
@@ -106,33 +95,38 @@ pub fn verify_tiles(
     let (alone, records) = alone::check(&context)?;
     let found = report::Found { alone, records, sweep, under };
     let mut report = report::report(&context, &found, &grid.info().crs);
-    (report.tiles, report.raster) = (job.tiles.display().to_string(), name);
-    let figures = Figures::since(start, &job.resources);
+    (report.tiles, report.raster) = (job.written.file.display().to_string(), name);
+    let figures = Figures::since(start, &job.options.resources);
     report.run = Figures { threads: room.threads, ..figures };
     report.samples_per_second = report.run.rate(report.measured);
     Ok(report)
 }
 
 /// Proves a set of tiles of a cloud against the model of its ground, which is made again in the folder for what does
-/// not fit into memory, or beside the set; the raster of the job is not looked at. What is promised is about samples
+/// not fit into memory, or beside the set. What is promised is about samples
 /// of the model: how far points are from them, nobody says.
 ///
 /// # Errors
 /// Those of [`verify_tiles`], and of making the model.
-pub fn verify_tiles_of_cloud(
-    model: &GroundModel,
-    job: &TilesVerifyJob,
+pub(super) fn verify_tiles_of_cloud(
+    job: &Proving<'_, CloudTilesProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesVerifyReport> {
-    check_memory(&job.resources)?;
-    let made = model.make(&job.tiles, &job.resources, progress, cancel)?;
-    let report = with_polygons(&model.cloud, &job.resources, |resources| {
-        let raster = made.inputs.clone();
-        verify_tiles(&TilesVerifyJob { raster, resources, ..job.clone() }, progress, cancel)
+    let CloudTilesProof { geoid, water, model, cloud, resources } = job.options;
+    check_memory(resources)?;
+    let (input, cloud) = (job.written.original.clone(), cloud.options(resources)?);
+    let model = GroundModel { input, cloud, model: model.clone() };
+    let made = model.make(&job.written.file, resources, progress, cancel)?;
+    let report = with_polygons(&model.cloud, resources, |resources| {
+        let written = Written { file: job.written.file.clone(), original: made.inputs.clone() };
+        // Points are within bounds and polygons, and the model is whole.
+        let grid = GridInput { water: water.clone(), ..GridInput::default() };
+        let options = TilesProof { geoid: geoid.clone(), grid, resources };
+        verify_tiles(&Proving { written: &written, options: &options }, progress, cancel)
     });
     let mut report = report.map_err(|error| made.renamed(error))?;
-    report.run.memory_budget = job.resources.memory;
+    report.run.memory_budget = resources.memory;
     Ok(TilesVerifyReport { notes: [made.notes, report.notes].concat(), ..report })
 }
 
