@@ -463,6 +463,16 @@ impl Grid {
     }
 }
 
+impl Data for Grid {
+    fn inputs(&self) -> Inputs {
+        self.inputs.clone()
+    }
+
+    fn reading(&self) -> Map<String, Json> {
+        to_map(&self.reading)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -520,15 +530,5 @@ mod tests {
         let named = open_cloud("synth:cloud,size=60,density=2,seed=5")?;
         assert!(named.grid(2.0).stat("mean").plan(path("plan"), None).is_ok());
         Ok(())
-    }
-}
-
-impl Data for Grid {
-    fn inputs(&self) -> Inputs {
-        self.inputs.clone()
-    }
-
-    fn reading(&self) -> Map<String, Json> {
-        to_map(&self.reading)
     }
 }

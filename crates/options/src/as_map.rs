@@ -6,7 +6,7 @@ use serde_json::{Map, Value as Json};
 
 use crate::{Options, check, fill, noted};
 
-/// Writes all values by name, as they are [noted](noted).
+/// Writes all values by name, as they are [noted].
 ///
 /// # Errors
 /// Those of the writer.
