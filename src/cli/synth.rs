@@ -64,6 +64,10 @@ impl Verb for Args {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
+    if args.resources.1.contains(&"temp_dir") {
+        return Err(Error::usage("‹temp_dir› cannot act: nothing is spilled")
+            .remedy("leave ‹temp_dir› out"));
+    }
     if cloud::synth::is_synthetic(&name) {
         return fly(&name, args, cancel);
     }

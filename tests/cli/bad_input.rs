@@ -83,7 +83,7 @@ fn outputs_that_cannot_be() {
     };
     convert(&["out.jpg"], &[".tif or .tiff, .asc, .flt, .png"]);
     convert(&["out.png", "-f", "COG"], &["COG", ".tif"]);
-    convert(&["out.tif", "-f", "JPEG"], &["JPEG", "store, COG, GTiff"]);
+    convert(&["out.tif", "-f", "JPEG"], &["JPEG", "GTiff, COG, store"]);
     convert(&["out.tif", "-f", "COG", "--co", "TILED=YES"], &["TILED", "COMPRESS=NONE|DEFLATE"]);
     convert(&["out.tif", "-f", "COG", "--co", "COMPRESS=JPEG"], &["JPEG", "NONE|DEFLATE|ZSTD"]);
     convert(&["out.tif", "--co", "COMPRESS"], &["KEY=VAL"]);
@@ -349,9 +349,8 @@ fn options_that_cannot_act_are_refused_by_name() {
     }
     for option in [["--threads", "1"], ["--memory", "1G"], ["--temp-dir", "."]] {
         place.ok(&["info", "good.asc", option[0], option[1]]);
-        place.fails(&["info", "m.ply", option[0], option[1]], 2, &["m.ply", option[0], "mesh"]);
+        place.ok(&["info", "m.ply", option[0], option[1]]);
     }
-    place.fails(&[&view[..], &["--temp-dir", "."]].concat(), 2, &["m.ply", "--temp-dir", "mesh"]);
     place.fails(&["synth", "rough,size=20", "out.tif", "--temp-dir", "."], 2, &["--temp-dir"]);
 }
 

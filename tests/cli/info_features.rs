@@ -153,6 +153,7 @@ fn damaged_files_and_options_that_cannot_act_are_told() {
     place.write("a.wkt", "POINT (1 2)\n").write("b.wkt", "POINT (1 2)\n");
     place.fails(&["info", "a.wkt", "--band", "1"], 2, &["--band", "features"]);
     place.fails(&["info", "a.wkt", "b.wkt", "--mosaic"], 2, &["--mosaic"]);
+    place.ok(&["info", "a.wkt", "--stats"]);
     place.write("g.asc", cli_support::GRID);
     place.fails(&["info", "g.asc", "--layer", "a"], 2, &["--layer"]);
     // One that is bad does not keep the others from being told about.

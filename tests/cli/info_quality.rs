@@ -86,7 +86,7 @@ fn what_does_not_apply_is_refused_by_name() {
     let fails = |more: &[&str], code, words: &[&str]| {
         place.fails(&[&quality, more].concat(), code, words);
     };
-    fails(&["--band", "1"], 2, &["--band", "--against"]);
+    fails(&["--band", "1"], 2, &["--band", "mesh.ply"]);
     fails(&["--stats"], 2, &["--stats", "mesh.ply"]);
     fails(&["--grid", "synth:rough,size=129", "--nodata", "0"], 2, &["--nodata", "synthetic"]);
     fails(&["--grid", "mesh.ply"], 65, &["is a mesh, not a grid"]);

@@ -67,6 +67,26 @@ fn what_is_not_shown_is_told() {
 }
 
 #[test]
+fn nothing_that_is_read_becomes_a_picture_or_a_page() {
+    let place = Place::new();
+    let text = "0 0 1\n0 4 2\n5 1 3\n5 5 4\n";
+    for name in ["c.png", "c.html", "c.xyz"] {
+        place.write(name, text);
+    }
+    for picture in ["c.png", "./c.png"] {
+        let args = ["info", "cloud:c.png", "--picture", picture, "--overwrite"];
+        place.fails(&args, 2, &["c.png"]);
+    }
+    place.fails(&["view", "cloud:c.html", "--html", "c.html", "--overwrite"], 2, &["c.html"]);
+    assert_eq!(place.bytes("c.png"), text.as_bytes());
+    assert_eq!(place.bytes("c.html"), text.as_bytes());
+    // Who reads a page has no options.
+    place.ok(&["view", "cloud:c.xyz", "--html", "page.html"]);
+    let page = String::from_utf8(place.bytes("page.html")).unwrap();
+    assert!(page.contains("is not named") && !page.contains('‹'), "{page}");
+}
+
+#[test]
 fn what_a_page_of_a_cloud_cannot_do_is_refused() {
     let place = place();
     place.ok(&["synth", "rough,size=33", "dem.tif"]);

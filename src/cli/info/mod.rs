@@ -205,17 +205,19 @@ impl Args {
 
     /// What is known of grids or a mesh.
     fn surface(&self, files: &[String], at: (&dyn Progress, &Cancel)) -> Result<Known> {
-        if let [one] = files
-            && !self.many.skip_bad
-        {
+        if let [one] = files {
             check::input(one)?;
         }
         match files {
             [one] if is_mesh(one)? => {
+                let given = self.options.given();
+                if !given.contains(&"against") {
+                    GridInput::check(one, &self.many, given)?;
+                }
                 let options: MeshInfoOptions = self.of(files)?;
                 if let Some(grid) = &options.against {
                     check::input(grid)?;
-                    GridInput::check(grid, &self.many, self.options.given())?;
+                    GridInput::check(grid, &self.many, given)?;
                 }
                 let (facts, skipped) = (options.inspect(&one.clone().into(), at.0, at.1)?, vec![]);
                 Ok((Facts::Mesh(Box::new(facts)), skipped))

@@ -154,7 +154,8 @@ impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
             .fields()
             .into_iter()
             .find(|field| field.stands_for.contains(&name) && !self.names.contains(&field.name));
-        Error::usage(format!("{option} is for {}, not for {kind}", of.join(" and ")))
+        let of = of.join(if of.len() > 2 { ", " } else { " and " });
+        Error::usage(format!("{option} is for {of}, not for {kind}"))
             .in_file(&path_of(input))
             .remedy(match (input, in_place) {
                 (_, Some(field)) => format!("pass ‹{}› in its place", field.name),

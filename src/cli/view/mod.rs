@@ -11,7 +11,7 @@ use crate::cli::operation::{self, Frame, Source};
 use crate::cli::shared::many::Many;
 use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, lists, many, names};
+use crate::cli::shared::{Outcome, args, lists, many, names, pipes};
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::Resources;
@@ -91,12 +91,14 @@ impl Verb for Args {
                 .remedy("pass --serve, or leave --port out"));
         }
         let input = &self.input;
+        input.iter().try_for_each(|name| pipes::refuse_input(name))?;
         if matches!(input.as_slice(), [one] if is_tiles(&path_of(one))) {
             return self.tiles(call);
         }
         let is_page = self.html.is_some() || self.serve;
         let are_lines = |name: &String| many::are_features(name) || many::are_made_lines(name);
         if is_page && input.iter().any(are_lines) {
+            self.refuse_many("lines")?;
             return self.page::<LinePageOptions>(call);
         }
         match (self.many.are_clouds(input)?, is_page) {
@@ -120,6 +122,13 @@ impl Args {
     fn frame<'a>(&'a self, output: &'a Path) -> Frame<'a> {
         let Self { input, many, show, .. } = self;
         Frame { input, output, given: self.options.given(), report: None, many, show }
+    }
+
+    /// Fails where many files are spoken of, as the page is of one.
+    fn refuse_many(&self, what: &str) -> Result<()> {
+        let Some(option) = self.many.given() else { return Ok(()) };
+        Err(Error::usage(format!("{option} is not for a page of {what}"))
+            .remedy(format!("leave {option} out")))
     }
 
     /// Makes a page, or serves it.
@@ -147,10 +156,7 @@ impl Args {
                 .remedy("pass --serve, in place of -o or --html"));
         }
         let options: TilesPageOptions = self.options.of(&self.input[0])?;
-        if let Some(option) = self.many.given() {
-            return Err(Error::usage(format!("{option} is not for a page of tiles"))
-                .remedy(format!("leave {option} out")));
-        }
+        self.refuse_many("tiles")?;
         let temp_dir = options.resources.temp_dir.clone();
         self.serve(temp_dir.as_deref(), Some(folder.to_path_buf()), call, |file| {
             let made = options.run(&self.input.clone().into(), file, call.cancel)?;

@@ -23,7 +23,7 @@ use crate::input::{grid_stats, is_mesh, mesh_bounds};
 use crate::memory::cache_beside;
 use crate::operation::{Has, Job};
 use crate::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
-use crate::outputs::check_ending;
+use crate::outputs::{check_ending, not_among};
 use crate::sift::Losses;
 use crate::tin::cost;
 use crate::verify::{Against, Measured, quality};
@@ -92,7 +92,8 @@ pub struct MeshInfoOptions {
     /// Read all triangles: angles, aspect ratios, degrees, lengths of edges, share of edges that are locally Delaunay in x
     /// and y
     pub quality: bool,
-    /// With ‹quality›: how far triangles are from the slopes of this grid, read as grids are
+    /// With ‹quality›: how far triangles are from the slopes of this grid, to which the options of grids are then; a
+    /// synthetic terrain by name, a folder, a list or a pattern in quotes will do
     #[option(value = "GRID", alias = "grid", with = FileName, role = ReadsGrid)]
     pub against: Option<String>,
     /// How that grid is read.
@@ -156,6 +157,8 @@ const OF_CLOUDS: &[Rule] = &[
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct FeaturesInfoOptions {
+    /// Read all features, as is done in any case
+    pub stats: bool,
     /// How the features are read.
     #[option(flatten)]
     pub features: FeatureInput,
@@ -244,6 +247,7 @@ impl Inspection for CloudInfoOptions {
         let mut options = self.cloud.options(resources)?;
         let draw = |output: &PathBuf| {
             check_ending(output, &["png"], "a picture")?;
+            not_among(&clouds::files(inputs.names())?, &[output])?;
             let job = PictureJob {
                 output: output.clone(),
                 overwrite: self.replacing.overwrite,

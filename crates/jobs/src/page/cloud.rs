@@ -7,6 +7,7 @@ use super::{PageJob, PageReport, facts};
 use crate::input::workers;
 use crate::memory::{PROGRAM, beside_program, short, with_polygons};
 use crate::{Cancel, Progress, Resources};
+use terrane_base::door::Door;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
 use terrane_cloud::{Cloud, OpenOptions, PointSource, Seen, class_name};
@@ -176,7 +177,8 @@ fn notes(cloud: &Cloud, tally: &Tally, report: &PageReport) -> Vec<String> {
     if tally.brightest > ONE_BYTE {
         notes.push("Colours are shown with 8 of their 16 bits.".to_owned());
     }
-    notes.extend(cloud.notes().iter().map(|note| format!("{note}.")));
+    // Who reads a page has no options.
+    notes.extend(cloud.notes().iter().map(|note| format!("{}.", Door::Python.spell(note))));
     notes
 }
 
