@@ -226,7 +226,8 @@ fn what_cannot_be_asked_is_refused_by_name() {
         ("--split", "x", &["is a coordinate", "--tile"]),
     ];
     for (option, value, words) in told {
-        place.fails(&["points", "c.laz", "o.laz", option, value], 2, words);
+        let output = if option == "--split" { "o" } else { "o.laz" };
+        place.fails(&["points", "c.laz", output, option, value], 2, words);
     }
     place.fails(
         &["plan", "points", "c.laz", "-o", "w", "--split", "class"],

@@ -357,8 +357,8 @@ fn what_cannot_be_done_is_refused_by_name_and_nothing_is_written() {
             place.fails(job, 65, words);
         }
     }
-    let tin = ["tin", "dem.asc", "z.ply", "--max-error", "2", "--to-crs", "EPSG:4326"];
-    for more in [&["--verify"][..], &["--split", "1"]] {
+    for (output, more) in [("z.ply", &["--verify"][..]), ("z", &["--split", "1"])] {
+        let tin = ["tin", "dem.asc", output, "--max-error", "2", "--to-crs", "EPSG:4326"];
         place.fails(&[&tin[..], more].concat(), 2, &["--to-crs"]);
     }
     place.fails(
