@@ -481,6 +481,7 @@ def info_cloud(
 def info_features(
     src: Any,
     *,
+    stats: bool = False,
     layer: str | None = None,
     threads: int | None = None,
     memory: int | str | None = None,
