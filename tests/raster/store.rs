@@ -106,6 +106,7 @@ impl GridSource for MemoryGrid {
 
 fn job(output: &Path) -> ConvertJob {
     let mut job = ConvertJob::new("memory", output);
+    job.options.file.format = Some("store".to_owned());
     job.options.resources.threads = 2;
     job
 }
