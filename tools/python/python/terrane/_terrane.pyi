@@ -9,17 +9,20 @@ from numpy.typing import NDArray
 from terrane._settings import Settings
 
 __all__ = [
-    "__version__",
     "Cloud",
     "Grid",
     "Mesh",
     "Plan",
-    "command_line",
+    "__version__",
     "check_operation",
+    "command_line",
+    "is_mesh",
     "operations",
+    "plan_operation",
     "read_lines",
+    "report_on",
+    "run_operation",
     "simplify_places",
-    "run_on_features",
     "write_geometries",
 ]
 
