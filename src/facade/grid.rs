@@ -397,7 +397,7 @@ impl Grid {
     /// # fn main() -> terrane::Result<()> {
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
     /// let known = dem.inspect().stats(true).run()?;
-    /// assert_eq!((known.format, known.stats.unwrap().valid), ("synthetic", 129 * 129));
+    /// assert_eq!((known.format, known.stats.unwrap().valid), ("synthetic terrain", 129 * 129));
     /// # Ok(())
     /// # }
     /// ```
