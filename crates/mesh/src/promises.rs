@@ -337,7 +337,8 @@ mod tests {
             ),
             unknown in prop::collection::vec("x [ -~]{0,12}", 0..3),
         ) {
-            let lines = stated.iter().map(|(key, text)| format!("{key} {text}")).chain(unknown);
+            let lines = stated.iter().map(|(key, text)| format!("{key} {}", text.trim()));
+            let lines = lines.chain(unknown);
             let lines: Vec<_> = lines.map(|line| line.trim_end().to_owned()).collect();
             let promises = Promises::parse(&lines).unwrap();
             let valid = promises.statements().map(|(key, _)| key);
