@@ -421,6 +421,24 @@ fn refuse_both(place: &Place, operation: &AnyOperation, terms: [&str; 2]) {
 }
 
 #[test]
+fn what_is_about_grids_is_refused_for_meshes_by_the_library_too() {
+    let place = place();
+    let shown = OPERATIONS.iter().filter(|own| ["picture", "page"].contains(&own.name));
+    for operation in shown {
+        let output = place.path(output(operation, &Map::new()));
+        for (name, value) in
+            [("band", json!(2)), ("nodata", json!(0)), ("clip", json!(place.path("area.wkt")))]
+        {
+            let options = Map::from_iter([(name.to_owned(), value)]);
+            let error = by_library(&place, operation, "mesh.ply", &output, &options).unwrap_err();
+            let told = format!("‹{name}› is for grids, and this is a mesh");
+            assert!(error.to_string().contains(&told), "{error}");
+            assert!(!output.exists());
+        }
+    }
+}
+
+#[test]
 fn nothing_that_is_read_is_replaced() {
     let place = place();
     let wkt = "LINESTRING (0 0, 1 0.1, 2 0)";

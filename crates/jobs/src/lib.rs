@@ -12,7 +12,6 @@ pub mod convert;
 pub mod delaunay;
 mod disk;
 pub mod draw;
-pub mod feature_stats;
 #[cfg(test)]
 mod few;
 pub mod figures;

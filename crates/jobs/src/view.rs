@@ -190,8 +190,8 @@ fn paint(
 fn style(job: &ViewJob, drawn: &Drawn) -> Style {
     let ground = drawn.frame.finer(FINENESS).ground_pixel();
     let natural = || natural_exaggeration(&drawn.field, ground);
-    let exaggeration = job.options.heights.exaggeration.unwrap_or_else(natural);
-    let Lighting { azimuth, altitude } = job.options.lighting;
+    let exaggeration = job.options.lighting.heights.exaggeration.unwrap_or_else(natural);
+    let Lighting { azimuth, altitude, .. } = job.options.lighting;
     let light = Light::new(azimuth, altitude);
     Style { light, exaggeration, ground, fineness: FINENESS as usize }
 }

@@ -1,8 +1,7 @@
 //! `terrane info` of files of features, for people.
 
 use crate::cli::shared::text;
-use crate::jobs::feature_stats::FieldStats;
-use crate::jobs::info::FeaturesInfoReport;
+use crate::jobs::info::{FeaturesInfoReport, FieldStats};
 
 /// Names and values.
 pub(crate) fn rows(own: &FeaturesInfoReport) -> Vec<(String, String)> {

@@ -12,13 +12,12 @@ use serde::Serialize;
 use terrane_options::{Options, Range, Rule, check};
 
 pub use cloud::CloudInfoReport;
-pub use features::FeaturesInfoReport;
+pub use features::{FeaturesInfoReport, FieldStats};
 pub use grid::GridInfoReport;
 pub use mesh::MeshInfoReport;
 
 use crate::cloud_picture::{PictureJob, Shows, draw};
 use crate::cloud_stats::cloud_stats;
-use crate::feature_stats::feature_stats;
 use crate::input::{grid_stats, is_mesh, mesh_bounds};
 use crate::memory::cache_beside;
 use crate::operation::{Has, Job};
@@ -286,8 +285,7 @@ impl Inspection for FeaturesInfoOptions {
                 .remedy("name one of the files"));
         };
         let options = OpenOptions { layer: self.features.layer.clone() };
-        let stats = feature_stats(&path_of(name), &options, progress, cancel)?;
-        Ok(FeaturesInfoReport::new(name, stats))
+        features::read(name, &options, progress, cancel)
     }
 }
 

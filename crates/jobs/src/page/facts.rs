@@ -95,7 +95,7 @@ pub(super) fn put(
     page.fact("units", json!(system.units));
     page.fact("ground", json!(system.ground(bounds)));
     page.fact("told_steps", json!(steps));
-    job.look.put(page);
+    job.put_look(page);
     let [land, water] = terrane_render::palette();
     page.fact("palette", json!({ "land": land, "water": water }));
 }

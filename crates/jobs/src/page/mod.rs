@@ -53,30 +53,12 @@ pub(crate) struct PageJob<'a> {
     pub(crate) output: &'a Path,
     /// Replace an existing page.
     pub(crate) overwrite: bool,
-    /// How it looks at the start.
-    pub(crate) look: Look,
+    /// How it is lit at the start.
+    pub(crate) lighting: Lighting,
+    /// Edges of triangles are shown from the start.
+    pub(crate) edges: bool,
     /// What the job may use.
     pub(crate) resources: &'a Resources,
-}
-
-/// How a page looks at the start.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Look {
-    pub(crate) lighting: Lighting,
-    /// Factor on heights; the page chooses when `None`.
-    pub(crate) exaggeration: Option<f64>,
-    /// Edges of triangles are shown.
-    pub(crate) edges: bool,
-}
-
-impl Look {
-    fn put(&self, page: &mut Page) {
-        let Lighting { azimuth, altitude } = self.lighting;
-        page.fact("azimuth", azimuth);
-        page.fact("altitude", altitude);
-        page.fact("exaggeration", self.exaggeration);
-        page.fact("edges", self.edges);
-    }
 }
 
 /// What is on a page.
@@ -127,6 +109,14 @@ pub struct PageReport {
 }
 
 impl PageJob<'_> {
+    /// Puts into a page how it looks at the start.
+    fn put_look(&self, page: &mut Page) {
+        page.fact("azimuth", self.lighting.azimuth);
+        page.fact("altitude", self.lighting.altitude);
+        page.fact("exaggeration", self.lighting.heights.exaggeration);
+        page.fact("edges", self.edges);
+    }
+
     /// Writes a page once it is made.
     ///
     /// # Errors
@@ -175,8 +165,8 @@ mod tests {
 
     /// A page of nothing in particular.
     pub(super) fn job<'a>(input: &'a Inputs, resources: &'a Resources) -> PageJob<'a> {
-        let (output, look) = (Path::new("page.html"), Look::default());
-        PageJob { input, output, overwrite: false, look, resources }
+        let (output, lighting) = (Path::new("page.html"), Lighting::default());
+        PageJob { input, output, overwrite: false, lighting, edges: false, resources }
     }
 
     /// What a job may take that takes so much memory.

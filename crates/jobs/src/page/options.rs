@@ -4,9 +4,7 @@ use std::path::Path;
 
 use terrane_options::{Options, Range, Rule};
 
-use super::{
-    Look, MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles,
-};
+use super::{MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles};
 use crate::input::{self, Surface};
 use crate::memory::cache_beside;
 use crate::operation::{Operation, Request, Writes};
@@ -31,12 +29,9 @@ pub struct PageOptions {
     pub insertion: bool,
     /// Show the edges of triangles from the start
     pub edges: bool,
-    /// The light at the start.
+    /// How it is lit at the start.
     #[option(flatten)]
     pub lighting: Lighting,
-    /// How high heights look at the start.
-    #[option(flatten)]
-    pub heights: Exaggeration,
     /// How the grid is read; within its bounds, which may be those of a part of a mesh, too.
     #[option(flatten)]
     pub grid: GridInput,
@@ -95,12 +90,9 @@ pub struct LinePageOptions {
 pub struct TilesPageOptions {
     /// Show the edges of triangles from the start
     pub edges: bool,
-    /// The light at the start.
+    /// How it is lit at the start.
     #[option(flatten)]
     pub lighting: Lighting,
-    /// How high heights look at the start.
-    #[option(flatten)]
-    pub heights: Exaggeration,
     /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
@@ -119,10 +111,11 @@ impl Operation for PageOptions {
     }
 
     fn run(&self, request: Request<'_>) -> Result<PageReport> {
-        let Self { edges, lighting, heights, replacing, resources, .. } = self;
-        let look =
-            Look { lighting: lighting.clone(), exaggeration: heights.exaggeration, edges: *edges };
-        let job = PageJob { look, ..PageJob::of(&request, replacing, resources) };
+        let job = PageJob {
+            lighting: self.lighting.clone(),
+            edges: self.edges,
+            ..PageJob::of(&request, &self.replacing, &self.resources)
+        };
         job.write(|| self.make(&job, request.progress, request.cancel), request.cancel)
     }
 }
@@ -176,9 +169,9 @@ impl Operation for CloudPageOptions {
     }
 
     fn run(&self, request: Request<'_>) -> Result<PageReport> {
-        let exaggeration = self.heights.exaggeration;
+        let heights = self.heights.clone();
         let job = PageJob {
-            look: Look { exaggeration, ..Look::default() },
+            lighting: Lighting { heights, ..Lighting::default() },
             ..PageJob::of(&request, &self.replacing, &self.resources)
         };
         let opening = self.cloud.options(&self.resources)?;
@@ -210,13 +203,9 @@ impl TilesPageOptions {
     /// # Errors
     /// A folder whose tiles cannot be told from what it says of them; a file that cannot be written; cancelled.
     pub fn run(&self, folder: &Inputs, output: &Path, cancel: &Cancel) -> Result<PageReport> {
-        let look = Look {
-            lighting: self.lighting.clone(),
-            exaggeration: self.heights.exaggeration,
-            edges: self.edges,
-        };
+        let (lighting, edges) = (self.lighting.clone(), self.edges);
         let (overwrite, resources) = (false, &self.resources);
-        let job = PageJob { input: folder, output, overwrite, look, resources };
+        let job = PageJob { input: folder, output, overwrite, lighting, edges, resources };
         job.write(|| tiles::page(&job), cancel)
     }
 }
@@ -225,6 +214,6 @@ impl<'a> PageJob<'a> {
     fn of(request: &Request<'a>, replacing: &Replacing, resources: &'a Resources) -> Self {
         let Request { inputs: input, output, .. } = *request;
         let overwrite = replacing.overwrite;
-        Self { input, output, overwrite, look: Look::default(), resources }
+        Self { input, output, overwrite, lighting: Lighting::default(), edges: false, resources }
     }
 }

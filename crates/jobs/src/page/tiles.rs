@@ -106,7 +106,7 @@ pub(super) fn page(job: &PageJob<'_>) -> Result<(Page, PageReport)> {
     page.fact("format", set.format);
     page.fact("told", set.told);
     page.fact("palette", json!({ "land": land, "water": water }));
-    job.look.put(&mut page);
+    job.put_look(&mut page);
     let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));
     Ok((
         page,

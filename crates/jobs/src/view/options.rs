@@ -12,7 +12,16 @@ use crate::outputs::check_ending;
 use terrane_base::error::Result;
 use terrane_render::MAX_PICTURE_SIDE;
 
-/// Where the light comes from
+/// How high heights look
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = group)]
+pub struct Exaggeration {
+    /// Factor on heights
+    #[option(value = "FACTOR", range = Range::POSITIVE, default_text = "one that suits the terrain")]
+    pub exaggeration: Option<f64>,
+}
+
+/// Where the light comes from, and how high heights look
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 pub struct Lighting {
@@ -22,15 +31,9 @@ pub struct Lighting {
     /// Height of the light above the horizon, in degrees from 1 to 90
     #[option(value = "DEG", default = 45.0, range = Range::new(1.0, 90.0))]
     pub altitude: f64,
-}
-
-/// How high heights look
-#[derive(Clone, Debug, PartialEq, Options)]
-#[options(setters = group)]
-pub struct Exaggeration {
-    /// Factor on heights
-    #[option(value = "FACTOR", range = Range::POSITIVE, default_text = "one that suits the terrain")]
-    pub exaggeration: Option<f64>,
+    /// How high heights look.
+    #[option(flatten)]
+    pub heights: Exaggeration,
 }
 
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose vertices
@@ -44,12 +47,9 @@ pub struct PictureOptions {
     pub width: u32,
     /// Draw the edges of a mesh's triangles
     pub edges: bool,
-    /// The light.
+    /// How it is lit.
     #[option(flatten)]
     pub lighting: Lighting,
-    /// How high heights look.
-    #[option(flatten)]
-    pub heights: Exaggeration,
     /// How the grid is read; within its bounds, which may be those of a part of a mesh, too.
     #[option(flatten)]
     pub grid: GridInput,

@@ -50,7 +50,7 @@ pub fn run_sheet(job: &SheetJob, progress: &dyn Progress, cancel: &Cancel) -> Re
         each.input = panel.mesh.clone().into();
         let drawn = drawn(&each, progress, cancel)?;
         let style = style(&each, &drawn);
-        each.options.heights.exaggeration = Some(style.exaggeration);
+        each.options.lighting.heights.exaggeration = Some(style.exaggeration);
         let painter = drawn.painter(style);
         if sheet.is_none() {
             sheet = Some(Sheet::new(job, [painter.width(), painter.height()])?);
