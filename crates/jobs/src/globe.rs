@@ -85,7 +85,7 @@ fn check_body(crs: &Crs) -> Result<()> {
     let (name, label) = (conversion.datum.name.replace('_', " "), crs.label());
     let message = format!("is not on the earth: the radius of {label} (datum {name}) is {axis} m");
     Err(Error::unsupported(message)
-        .remedy("tiles are of the globe WGS 84; make a mesh of it: terrane tin"))
+        .remedy("tiles are of the globe WGS 84; make a mesh of it: ‹terrane tin›"))
 }
 
 /// What brings the heights of a grid to metres above the ellipsoid.

@@ -87,9 +87,9 @@ fn options(job: &SurveyJob) -> Result<WriteOptions> {
     let packing = write::packing_by_name(&job.output)
         .filter(|packing| matches!(packing, Packing::Plain | Packing::Chunks));
     let packing = packing.ok_or_else(|| {
-        Error::usage("a synthetic cloud is written as .las or .laz")
-            .in_file(&job.output)
-            .remedy("choose a name with one of these endings; terrane points makes .copc.laz of it")
+        Error::usage("a synthetic cloud is written as .las or .laz").in_file(&job.output).remedy(
+            "choose a name with one of these endings; ‹terrane points› makes .copc.laz of it",
+        )
     })?;
     if job.format.has_waves() {
         return Err(Error::usage(format!(

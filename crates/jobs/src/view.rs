@@ -97,7 +97,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
     let drawn = match input::open(job.input.names(), &options(job)?)? {
         Surface::Grid(_) if job.options.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
-                .remedy("leave ‹edges› out, or view a mesh made by `terrane tin`"));
+                .remedy("leave ‹edges› out, or view a mesh made by ‹terrane tin›"));
         }
         Surface::Grid(grid) => grid::draw(grid.as_ref(), job, progress, cancel)?,
         Surface::Mesh(mesh) => {

@@ -305,7 +305,7 @@ fn thin_strips(info: &GridInfo) -> Option<String> {
         let lines = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
         format!(
             "compressed strips of {lines} across {width} columns: any part decodes whole rows; to \
-             use it often, copy it with terrane convert first"
+             use it often, copy it with ‹terrane convert› and ‹format=store› first"
         )
     })
 }

@@ -205,7 +205,7 @@ fn ambiguous(path: &Path) -> Error {
     let name = path.display();
     Error::bad_input("an RGB PNG can hold heights in several ways, and its name does not tell")
         .remedy(format!(
-            "give it as terrarium:{name} or terrain-rgb:{name}; of a photograph, terrane tin ‹bands› 1,2,3 \
+            "give it as terrarium:{name} or terrain-rgb:{name}; of a photograph, ‹terrane tin› with ‹bands› 1,2,3 \
              makes a mesh"
         ))
 }

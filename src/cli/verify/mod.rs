@@ -215,7 +215,7 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
 fn no_mesh(path: &Path) -> Error {
     Error::bad_input("is a grid, not a mesh")
         .in_file(path)
-        .remedy("name a mesh, such as one made by `terrane tin`")
+        .remedy("name a mesh, such as one made by ‹terrane tin›")
 }
 
 /// The error of a mesh and its original that have changed places.

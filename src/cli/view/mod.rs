@@ -106,7 +106,7 @@ impl Verb for Args {
             (true, false) => {
                 Err(Error::usage("there is a page of a point cloud, but no shaded relief")
                     .in_file(&path_of(&input[0]))
-                    .remedy("pass --html, or draw it from above with `terrane info --picture`"))
+                    .remedy("pass --html, or draw it from above with terrane info --picture"))
             }
             (false, true) => self.page::<PageOptions>(call),
             (false, false) => {

@@ -92,7 +92,7 @@ impl Lines {
         if self.vertices > MOST_VERTICES {
             let message = format!("a page holds up to {MOST_VERTICES} vertices, and here are more");
             return Err(Error::new(ErrorKind::Limit, message)
-                .remedy("simplify the lines a little first with `terrane simplify`"));
+                .remedy("simplify the lines a little first with ‹terrane simplify›"));
         }
         within_memory(self.vertices * VERTEX_BYTES, "so many vertices", job.resources)?;
         let of = thresholds(part, measure)?;

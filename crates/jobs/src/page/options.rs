@@ -134,7 +134,7 @@ impl PageOptions {
         match (input::open(job.input.names(), &opening)?, &self.against) {
             (Surface::Grid(_), Some(_)) => {
                 Err(Error::usage("‹against› is for a mesh, and this is a grid")
-                    .remedy("leave ‹against› out, or make a mesh of the grid with `terrane tin`"))
+                    .remedy("leave ‹against› out, or make a mesh of the grid with ‹terrane tin›"))
             }
             (Surface::Grid(grid), None) if self.insertion => {
                 insertion::page(grid.as_ref(), part, job, cancel)

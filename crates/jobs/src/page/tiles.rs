@@ -150,7 +150,7 @@ fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
     serde_json::from_slice(&bytes).map_err(|e| {
         Error::bad_input(format!("it does not tell of terrain tiles as terrane does: {e}"))
             .in_file(path)
-            .remedy("name a folder that `terrane tiles` made")
+            .remedy("name a folder that ‹terrane tiles› made")
     })
 }
 
@@ -158,7 +158,7 @@ impl Layer {
     fn check(&self) -> Result<()> {
         let Self { format, scheme, projection, .. } = self;
         let refused = |what: String| {
-            Err(Error::unsupported(what).remedy("name a folder that `terrane tiles` made"))
+            Err(Error::unsupported(what).remedy("name a folder that ‹terrane tiles› made"))
         };
         if !format.starts_with("quantized-mesh-1.") {
             return refused(format!("tiles are {format}, and a page shows quantized-mesh-1.x"));

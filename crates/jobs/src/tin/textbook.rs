@@ -92,7 +92,7 @@ pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
         Some(_) => {
             let message = format!("the method {what} follows no banks of water");
             Err(Error::usage(message).remedy(
-                "leave ‹water› or the method out, or flatten the grid first: terrane convert ‹water›",
+                "leave ‹water› or the method out, or flatten the grid first: ‹terrane convert› with ‹water›",
             ))
         }
     }

@@ -69,7 +69,7 @@ fn drawn(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Draw
     match input::open(job.input.names(), &options(job)?)? {
         Surface::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel),
         Surface::Grid(_) => Err(Error::usage(format!("{} is a grid, not a mesh", job.input))
-            .remedy("make a mesh of it with `terrane tin`")),
+            .remedy("make a mesh of it with ‹terrane tin›")),
     }
 }
 

@@ -19,7 +19,7 @@ pub(crate) enum Misfit {
 const CHOOSE_FOR_VOIDS: &str =
     "pass a value with ‹nodata› or ‹out_nodata› that the type holds and no sample has";
 const CHOOSE_NODATA: &str =
-    "pass another value for voids with ‹out_nodata› (‹nodata› of terrane grid)";
+    "pass another value for voids with ‹out_nodata› (‹nodata› of ‹terrane grid›)";
 const CHOOSE_TYPE: &str = "choose a wider type with ‹type›";
 const ROUND: &str = "pass ‹round› to store the nearest value, or choose another type with ‹type›";
 
