@@ -30,6 +30,7 @@ mod manners;
 mod many;
 mod mosaic;
 mod operation_values;
+mod operation_words;
 mod operations;
 mod parts;
 mod pipes;
