@@ -12,10 +12,10 @@ use terrane_options::{Field, Kind, Role, Rule, Shape, texts_of};
 use crate::cli_support::Place;
 use crate::operation_values::{UNTRIED, VALUES};
 
-pub const TERRAIN: &str = "synth:rough,size=90,seed=3";
+pub(crate) const TERRAIN: &str = "synth:rough,size=90,seed=3";
 
 /// The verb of an operation.
-pub fn verb(operation: &AnyOperation) -> &'static str {
+pub(crate) fn verb(operation: &AnyOperation) -> &'static str {
     match operation.writes {
         Writes::Picture | Writes::Page => "view",
         _ => operation.name.trim_start_matches("cloud-"),
@@ -131,7 +131,7 @@ fn in_place(
     options.iter().map(absolute).collect()
 }
 
-pub fn place() -> Place {
+pub(crate) fn place() -> Place {
     let place = Place::new();
     let grid: String = (0..40)
         .map(|row| (0..40).map(|col| format!("{} ", row * col % 97)).collect::<String>() + "\n")
@@ -181,7 +181,7 @@ pub fn place() -> Place {
 }
 
 /// Lines and a ring with heights.
-pub fn lines() -> String {
+pub(crate) fn lines() -> String {
     let rough = |i: u32, k: u32| (i * 7919 + k * 104_729) % 61;
     let line = |k: u32| {
         let vertex = |i: u32| {
