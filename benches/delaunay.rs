@@ -11,7 +11,7 @@ use terrane_base::geom::Point;
 use terrane_delaunay::{
     Bins, Finder, Found, Hull, Loaded, Natural, Position, Triangulation, Window, interpolate, stars,
 };
-use terrane_jobs::delaunay::triangulate;
+use terrane_lidar::delaunay::triangulate;
 
 /// Mean spacing of points in airborne data, in steps of a centimetre: 5.76 a square metre.
 const SPACING: f64 = 41.7;

@@ -3,6 +3,7 @@
 //! `cargo run --example dtm_from_laz -- survey.laz`; without a file a synthetic survey is used.
 
 use terrane::CloudInput;
+use terrane::prelude::*;
 
 fn main() -> terrane::Result<()> {
     let synthetic = || "synth:cloud,size=150,density=4,seed=7".to_owned();

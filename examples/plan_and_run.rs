@@ -2,7 +2,7 @@
 //!
 //! `cargo run --example plan_and_run`
 
-use terrane::Plan;
+use terrane::prelude::*;
 
 fn main() -> terrane::Result<()> {
     let folder = std::env::temp_dir().join(format!("terrane-plan-{}", std::process::id()));
@@ -15,7 +15,7 @@ fn main() -> terrane::Result<()> {
     terrane::open(&dem)?.tin().max_error(2.0).tile(128).plan(&work, 2)?;
 
     // Any other opens the folder and does what can be done: here one task, as if it was killed then.
-    let plan = Plan::open(&work)?;
+    let plan = terrane::open_plan(&work)?;
     let status = plan.status()?;
     println!("{} tasks, about {:.1} s", status.to_do.len(), status.seconds);
     plan.run().task(&status.to_do[0].id).run()?;

@@ -3,6 +3,7 @@
 //! `cargo run --example simplify_polygons`
 
 use terrane::Method;
+use terrane::prelude::*;
 
 /// Two squares on either side of a wavy border.
 fn neighbours() -> String {

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --example tin_from_array`
 
+use terrane::prelude::*;
+
 fn main() -> terrane::Result<()> {
     let (width, height) = (400, 300);
     let hill = |i: u32| {

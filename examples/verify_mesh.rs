@@ -2,6 +2,8 @@
 //!
 //! `cargo run --example verify_mesh`
 
+use terrane::prelude::*;
+
 fn main() -> terrane::Result<()> {
     let folder = std::env::temp_dir().join(format!("terrane-verify-{}", std::process::id()));
     let failed = |e| terrane::Error::write(&folder, e);

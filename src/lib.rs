@@ -9,6 +9,7 @@
 //!
 //! ```
 //! # fn main() -> terrane::Result<()> {
+//! use terrane::prelude::*;
 //! let (width, height) = (200, 100);
 //! let heights: Vec<f32> = (0..width * height).map(|i| ((i % width) as f32 / 9.0).sin()).collect();
 //!
@@ -24,6 +25,7 @@
 //!
 //! ```
 //! # fn main() -> terrane::Result<()> {
+//! use terrane::prelude::*;
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let path = |name| folder.path().join(name);
 //! # terrane::open("synth:rough,size=257")?.convert().write(path("dem.tif"))?;
@@ -48,9 +50,10 @@
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`page`](Features::page), [`inspect`](Features::inspect), [`verify`](Features::verify) |
 //! | meshes in files | [`open_mesh`] | [`picture`](Mesh::picture), [`page`](Mesh::page), [`inspect`](Mesh::inspect) |
 //! | a line in memory | [`simplify`] | fewer vertices |
-//! | a folder with a plan | [`Plan::open`] | what the plan says, by any number of machines |
+//! | a folder with a plan | [`open_plan`] | what the plan says, by any number of machines |
 //!
-//! Every builder says what is to be reached, may be told what it may use (`memory`, `threads`), whom to tell
+//! Options are setters of the job, which `use terrane::prelude::*` brings into scope: a trait for each struct of options.
+//! Every job says what is to be reached, may be told what it may use (`memory`, `threads`), whom to tell
 //! how far it is ([`Progress`]) and by what it may be stopped ([`Cancel`]), and ends in the work: `build`, `write` or `run`.
 //! Outputs appear whole or not at all. Nothing is printed, and no handler or hook of the process is changed.
 //!
@@ -59,6 +62,8 @@
 
 mod cli;
 mod facade;
+mod operations;
+pub mod prelude;
 
 // The rooms, by the names that the command line has for them.
 use terrane_base::{attribute, bound, door, error, geom, parameters};
@@ -66,8 +71,8 @@ use terrane_files::{self as files, atomic};
 use terrane_raster as raster;
 use terrane_synth as synth;
 use terrane_vector as vector;
-use {terrane_cloud as cloud, terrane_gridding as gridding, terrane_jobs as jobs};
-use {terrane_line as line, terrane_mesh as mesh, terrane_methods as methods};
+use {terrane_baselines as methods, terrane_line as line, terrane_mesh as mesh};
+use {terrane_cloud as cloud, terrane_gridding as gridding};
 
 /// The command line: runs what `args` say, the name of the program first, and tells what became of it on the
 /// standard streams. It is of a whole process, whose signals and allocator it sets, and no part of the library.
@@ -77,54 +82,57 @@ pub fn command_line(args: impl IntoIterator<Item = std::ffi::OsString>) -> std::
 }
 
 pub use facade::*;
+pub use operations::OPERATIONS;
 pub use terrane_base::bound::Bound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
+pub use terrane_baselines::Triangulation;
 pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, Marks, PointFormat, Return};
-pub use terrane_jobs::cloud_tin::{CloudTinOptions, CloudTinReport};
-pub use terrane_jobs::colours::ColorReliefOptions;
-pub use terrane_jobs::contour::{ContourOptions, ContourReport};
-pub use terrane_jobs::convert::{ConvertOptions, ConvertReport};
-pub use terrane_jobs::figures::Figures;
-pub use terrane_jobs::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
-pub use terrane_jobs::info::{
-    CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
-    GridInfoReport, Inspection, MeshInfoOptions, MeshInfoReport,
+pub use terrane_engine::Cancel;
+pub use terrane_engine::FileAt;
+pub use terrane_engine::Progress;
+pub use terrane_engine::Silent;
+pub use terrane_engine::figures::Figures;
+pub use terrane_engine::input::is_mesh;
+pub use terrane_engine::operation::{
+    AnyOperation, Divisible, Job, Memory, Operation, Reads, Request, Writes, check_named,
 };
-pub use terrane_jobs::input::is_mesh;
-pub use terrane_jobs::line::{Length, LineOptions, LineReport, Metric};
-pub use terrane_jobs::operation::{
-    AnyOperation, Divisible, Job, Memory, OPERATIONS, Operation, Reads, Request, Writes,
-    check_named,
-};
-pub use terrane_jobs::options::{CloudInput, GridInput, PointFilter};
-pub use terrane_jobs::page::{CloudPageOptions, LinePageOptions, PageOptions, PageReport};
-pub use terrane_jobs::placing::Placing;
-pub use terrane_jobs::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
-pub use terrane_jobs::relief::{
-    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
-    TriOptions,
-};
-pub use terrane_jobs::tiles::{
-    Beyond as TilesBeyond, CloudTilesOptions, Format as TilesFormat, ModelOptions, TileOptions,
-    TilesOptions, TilesReport,
-};
-pub use terrane_jobs::tin::{
-    Constraints, Refinement, Target, Tin, TinOptions, TinParts, TinReport,
-};
-pub use terrane_jobs::translate::{
+pub use terrane_engine::options::{CloudInput, Constraints, GridInput, PointFilter};
+pub use terrane_engine::placing::Placing;
+pub use terrane_engine::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
+pub use terrane_engine::proof::Inspection;
+pub use terrane_engine::proof::{Proof, Verdict, Written};
+pub use terrane_lidar::cloud_tin::{CloudTinOptions, CloudTinReport};
+pub use terrane_lidar::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
+pub use terrane_lidar::translate::{
     Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, PointsOptions, Reclassify,
     Sort, Thin, TileFormat, TranslateReport,
 };
-pub use terrane_jobs::verify::tiles::TilesVerifyReport;
-pub use terrane_jobs::verify::{
-    CloudMeshProof, CloudTilesProof, CloudVerifyReport, LineProof, LineVerifyReport, MeshProof,
-    Proof, TilesProof, Verdict, VerifyReport, Written,
-};
-pub use terrane_jobs::view::{PictureOptions, ViewReport};
-pub use terrane_jobs::{Cancel, FileAt, Progress, Silent};
-pub use terrane_methods::Triangulation;
 pub use terrane_raster::{ArrayGrid, ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};
+pub use terrane_simplify::{Length, LineOptions, LineReport, Metric};
+pub use terrane_terrain::colours::ColorReliefOptions;
+pub use terrane_terrain::contour::{ContourOptions, ContourReport};
+pub use terrane_terrain::convert::{ConvertOptions, ConvertReport};
+pub use terrane_terrain::relief::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
+pub use terrane_terrain::tin::{Refinement, Target, Tin, TinOptions, TinParts, TinReport};
+pub use terrane_tiles::{
+    Beyond as TilesBeyond, CloudTilesOptions, Format as TilesFormat, ModelOptions, TileOptions,
+    TilesOptions, TilesReport,
+};
+pub use terrane_verify::tiles::TilesVerifyReport;
+pub use terrane_verify::{
+    CloudMeshProof, CloudTilesProof, CloudVerifyReport, LineProof, LineVerifyReport, MeshProof,
+    TilesProof, VerifyReport,
+};
+pub use terrane_viewer::info::{
+    CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
+    GridInfoReport, MeshInfoOptions, MeshInfoReport,
+};
+pub use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions, PageReport};
+pub use terrane_viewer::view::{PictureOptions, ViewReport};
 
 /// The code of the tutorial, tested with that of the documentation.
 #[cfg(doctest)]

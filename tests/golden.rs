@@ -17,15 +17,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cli_support::{Place, photograph};
 use serde_json::Value;
+use terrane_baselines as methods;
+use terrane_engine::REVISION;
 use terrane_gridding as gridding;
-use terrane_jobs::REVISION;
 use terrane_line as line;
 use terrane_mesh as mesh;
-use terrane_methods as methods;
 use terrane_raster as raster;
-use terrane_resample as resample;
 use terrane_synth as synth;
 use terrane_vector as vector;
+use terrane_window::resample;
 
 /// Where the table is.
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.tsv");
@@ -550,7 +550,7 @@ fn outputs_have_the_bytes_that_their_revision_says() {
     assert!(
         changed.is_empty() || revision != REVISION,
         "{} of {} outputs have other bytes than those pinned. Where that is meant, add 1 to REVISION in \
-         crates/jobs/src/lib.rs, so that plans begun before are not gone on with, and renew the table: \
+         crates/engine/src/lib.rs, so that plans begun before are not gone on with, and renew the table: \
          TERRANE_GOLDEN=renew cargo test --test golden\n  {}",
         changed.len(),
         pinned.len(),

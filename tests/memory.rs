@@ -348,7 +348,7 @@ fn measured(place: &Place, job: &str, mib: u64) -> (i32, String, f64) {
     let waited = unsafe { libc::wait4(pid, &raw mut status, 0, &raw mut used) };
     assert_eq!(waited, pid, "{job}");
     let code = if libc::WIFEXITED(status) { libc::WEXITSTATUS(status) } else { -1 };
-    let own = terrane_jobs::peak_memory().unwrap() >> 20;
+    let own = terrane_engine::peak_memory().unwrap() >> 20;
     assert!(own < BUDGETS[0], "the tests take {own} MiB themselves and measure nothing");
     (code, told, used.ru_maxrss as f64 / 1024.0)
 }

@@ -69,9 +69,25 @@ fn words(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// The room of a source file, from its path: a crate.
+/// The room of a source file, from its path: a crate, in `crates` or in the folder of its subject.
 fn room(path: &str) -> Option<&str> {
-    path.strip_prefix("crates/")?.split_once("/src/").map(|(room, _)| room)
+    let (folder, _) = path.strip_prefix("crates/")?.split_once("/src/")?;
+    folder.rsplit('/').next()
+}
+
+/// The folders of crates below a folder.
+fn crates_below(folder: &Path) -> Vec<PathBuf> {
+    let below = fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path());
+    let below = below.filter(|path| path.is_dir() && path.file_name().unwrap() != "src");
+    below
+        .flat_map(|path| {
+            let mut found = crates_below(&path);
+            if path.join("Cargo.toml").is_file() {
+                found.push(path);
+            }
+            found
+        })
+        .collect()
 }
 
 /// The rooms that a manifest names as dependencies.
@@ -218,9 +234,10 @@ fn the_house_is_in_order() {
 fn manifests_say_what_the_table_does() {
     let rules = rules();
     let mut found = BTreeMap::new();
-    for entry in fs::read_dir(root().join("crates")).unwrap().flatten() {
-        let manifest = fs::read_to_string(entry.path().join("Cargo.toml")).unwrap();
-        let room = entry.file_name().to_string_lossy().into_owned();
+    for folder in crates_below(&root().join("crates")) {
+        let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        let room = folder.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(manifest.contains(&format!("name = \"terrane-{room}\"")), "{room} is misnamed");
         found.insert(room, dependencies(&manifest));
     }
     assert_eq!(found, rules.imports);
@@ -232,6 +249,9 @@ fn manifests_say_what_the_table_does() {
         assert!(found[room].is_subset(&below), "{room} reads and writes, and does no more");
     }
     assert_eq!(found["proof"], ["base".to_owned()].into(), "a proof shares nothing with a kernel");
+    for kernel in ["terrain", "tin", "lidar", "delaunay"] {
+        assert!(!found["verify"].contains(kernel), "a proof does not name {kernel}");
+    }
 }
 
 /// A small house to try the checks on.
@@ -257,6 +277,7 @@ fn every_check_can_fail() {
         ("crates/raster/src/map.rs", "fn f() { unsafe { g() } }", "without a SAFETY"),
         ("crates/raster/src/map.rs", "fn f() {}", "holds none"),
         ("crates/mesh/src/a.rs", "const A: &str = \"pass --memory\";", "spells --memory"),
+        ("crates/lidar/tin/src/a.rs", "rayon::join(a, b);", "must not name rayon"),
         ("tests/a.rs", concat!("// TO", "DO"), "says"),
         ("crates/tin/src/a.rs", &"\n".repeat(MOST_LINES), "lines"),
     ];

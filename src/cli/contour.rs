@@ -1,7 +1,7 @@
 //! Contour lines for people.
 
 use crate::cli::shared::{report, system, text};
-use crate::jobs::contour::ContourReport;
+use terrane_terrain::contour::ContourReport;
 
 /// What was made.
 pub(super) fn summary(r: &ContourReport) -> String {

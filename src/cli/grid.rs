@@ -1,7 +1,7 @@
 //! Grids of clouds for people.
 
 use crate::cli::shared::{report, text};
-use crate::jobs::grid::{self, GridReport};
+use terrane_lidar::grid::{self, GridReport};
 
 /// A made grid for people.
 pub(super) fn summary(r: &GridReport) -> String {

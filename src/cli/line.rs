@@ -12,11 +12,11 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report, system, text};
 use crate::door::Door;
 use crate::error::{Error, Result};
-use crate::jobs::Cancel;
-use crate::jobs::line::{self, HierarchyReport, LineJob, LineOptions, LineReport, Measure};
-use crate::jobs::operation::read_beside;
-use crate::jobs::sift::Sifted;
 use crate::vector;
+use terrane_engine::Cancel;
+use terrane_engine::operation::read_beside;
+use terrane_engine::sift::Sifted;
+use terrane_simplify::{HierarchyReport, LineJob, LineOptions, LineReport, Measure};
 
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "line")]
@@ -109,7 +109,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let Sifted { names, skipped } = args.many.sift(input, features, resources)?;
     let job = LineJob { into_folder, ..options.job(&names, &output)? };
     check_report(&job, args.report.as_deref(), &[names, read_beside(options)?].concat())?;
-    let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
+    let report = terrane_simplify::run(&job, args.show.progress().as_ref(), cancel)?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.report {
@@ -142,7 +142,7 @@ fn check_files(
 
 /// Fails when the report would take the place of something that the job reads or makes.
 fn check_report(job: &LineJob, report: Option<&Path>, names: &[String]) -> Result<()> {
-    let mut results = line::outputs(job)?;
+    let mut results = terrane_simplify::outputs(job)?;
     results.extend(job.hierarchy.clone());
     let results: Vec<&Path> = results.iter().map(PathBuf::as_path).collect();
     check::report(report, names, &results, job.overwrite)

@@ -34,16 +34,16 @@ use clap::{Command, CommandFactory, Parser};
 use crate::cli::shared::verb::{Call, Entry, Job};
 use crate::cli::shared::{NOT_JUDGED, Outcome, say};
 use crate::error::ErrorKind;
-use crate::jobs::Cancel;
-use crate::jobs::colours::ColorReliefOptions;
-use crate::jobs::contour::ContourOptions;
-use crate::jobs::convert::ConvertOptions;
-use crate::jobs::grid::GridOptions;
-use crate::jobs::relief::{
+use terrane_engine::Cancel;
+use terrane_lidar::grid::GridOptions;
+use terrane_lidar::translate::PointsOptions;
+use terrane_terrain::colours::ColorReliefOptions;
+use terrane_terrain::contour::ContourOptions;
+use terrane_terrain::convert::ConvertOptions;
+use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
-use crate::jobs::translate::PointsOptions;
 
 /// All verbs, in the order of the help.
 const VERBS: &[Entry] = &[

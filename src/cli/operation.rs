@@ -1,5 +1,5 @@
 //! Verbs that make a file of a grid or a cloud: `convert`, `grid`, `slope` and others. Each is a struct of options of
-//! `terrane_jobs`, and a line in the list of verbs.
+//! the room of its subject, and a line in the list of verbs.
 
 use std::path::{Path, PathBuf};
 
@@ -14,22 +14,22 @@ use crate::cli::synth;
 use crate::door::Door;
 use crate::error::{Error, Result};
 use crate::files::{is_made, path_of};
-use crate::jobs::Resources;
-use crate::jobs::cloud_tin::CloudTinReport;
-use crate::jobs::contour::ContourReport;
-use crate::jobs::convert::ConvertReport;
-use crate::jobs::grid::GridReport;
-use crate::jobs::memory::cache_beside;
-use crate::jobs::operation::{Has, Input, Operation, Request, Writes, read_beside};
-use crate::jobs::options::{CloudInput, FeatureInput, GridInput, Replacing};
-use crate::jobs::page::PageReport;
-use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tiles::TilesReport;
-use crate::jobs::tin::TinReport;
-use crate::jobs::translate::TranslateReport;
-use crate::jobs::view::ViewReport;
 use crate::raster::Inputs;
 use crate::{cloud, raster, vector};
+use terrane_engine::Resources;
+use terrane_engine::memory::cache_beside;
+use terrane_engine::operation::{Has, Input, Operation, Request, Writes, read_beside};
+use terrane_engine::options::{CloudInput, FeatureInput, GridInput, Replacing};
+use terrane_engine::sift::{Sifted, Skipped};
+use terrane_lidar::cloud_tin::CloudTinReport;
+use terrane_lidar::grid::GridReport;
+use terrane_lidar::translate::TranslateReport;
+use terrane_terrain::contour::ContourReport;
+use terrane_terrain::convert::ConvertReport;
+use terrane_terrain::tin::TinReport;
+use terrane_tiles::TilesReport;
+use terrane_viewer::page::PageReport;
+use terrane_viewer::view::ViewReport;
 
 /// A report for people.
 pub(super) trait Summary: serde::Serialize {

@@ -1,8 +1,8 @@
 //! Points that were written, for people.
 
 use crate::cli::shared::{points, report, system, text};
-use crate::jobs::translate::TranslateReport;
-use crate::jobs::translate::plan::PointsWritten;
+use terrane_lidar::translate::TranslateReport;
+use terrane_lidar::translate::plan::PointsWritten;
 
 /// What a plan wrote.
 pub(super) fn by_plan(written: PointsWritten) -> String {

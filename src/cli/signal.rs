@@ -2,7 +2,7 @@
 
 use crate::cli::shared::say;
 use crate::error::ErrorKind;
-use crate::jobs::Cancel;
+use terrane_engine::Cancel;
 
 /// Lets Ctrl-C, SIGTERM and SIGHUP stop the job. A signal that was ignored when the process began
 /// stays ignored, as nohup and job control want it. Without a handler the system's own applies,

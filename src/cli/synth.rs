@@ -12,14 +12,14 @@ use crate::cli::shared::{Outcome, args, check, lists, report};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
 use crate::error::{Error, ErrorKind, Result};
-use crate::jobs::Cancel;
-use crate::jobs::Resources;
-use crate::jobs::convert::{self, ConvertJob};
-use crate::jobs::draw::{self, DrawJob};
-use crate::jobs::options::PointFormatNumber;
-use crate::jobs::survey::{self, SurveyJob};
 use crate::synth::lines::Lines;
 use crate::vector;
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::options::PointFormatNumber;
+use terrane_lidar::survey::{self, SurveyJob};
+use terrane_simplify::draw::{self, DrawJob};
+use terrane_terrain::convert::{self, ConvertJob};
 
 /// Write a synthetic terrain as an uncompressed tiled BigTIFF, a synthetic cloud as LAS or LAZ, or
 /// synthetic lines

@@ -8,7 +8,7 @@ use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, report, text};
 use crate::error::Result;
-use crate::jobs::tiles::{self, CloudTilesOptions, TilesOptions, TilesReport};
+use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
 
 /// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail
 ///
@@ -93,7 +93,7 @@ pub(super) fn summary(r: &TilesReport) -> String {
     rows.extend(report::took(&r.run, None, ""));
     rows.extend(report::notes(&r.notes));
     let heading = "level     tiles  triangles       bytes   error, m  of allowed";
-    let level = |l: &tiles::LevelReport| {
+    let level = |l: &terrane_tiles::LevelReport| {
         format!(
             "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",
             l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use terrane_jobs::operation::{Has, Job};
-use terrane_jobs::options::GridInput;
-use terrane_jobs::tin::TinOptions;
-use terrane_jobs::verify::{MeshProof, Written};
+use terrane_engine::operation::{Has, Job};
+use terrane_engine::options::GridInput;
+use terrane_engine::proof::Written;
 use terrane_options::Options;
 use terrane_raster::Inputs;
+use terrane_terrain::tin::TinOptions;
+use terrane_verify::MeshProof;
 
 /// Bands of a grid, in one file or many, that are to share one mesh: what [`open_bands`] names. Nothing is read of
 /// them before a mesh is made.
@@ -24,6 +25,7 @@ pub struct BandGrid {
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = |name| folder.path().join(name);
 /// # let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
@@ -71,6 +73,7 @@ impl BandGrid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// let bands = terrane::open_bands("synth:rough,size=65", &[1, 1]);
     /// assert!(bands.tin().max_error(1.0).write("mesh.ply").is_err(), "one band twice");
     /// # Ok(())

@@ -7,19 +7,20 @@ use serde_json::{Map, Value as Json};
 use terrane_base::Result;
 use terrane_base::geom::Crs;
 use terrane_cloud::{self as cloud, CloudInfo, HeldCloud, Marks, OpenOptions};
+use terrane_engine::Resources;
+use terrane_engine::operation::{Has, Job};
+use terrane_engine::options::CloudInput;
+use terrane_engine::proof::{Proof, Written};
 use terrane_files::name_of;
-use terrane_jobs::Resources;
-use terrane_jobs::cloud_tin::CloudTinOptions;
-use terrane_jobs::grid::GridOptions;
-use terrane_jobs::info::CloudInfoOptions;
-use terrane_jobs::operation::{Has, Job};
-use terrane_jobs::options::CloudInput;
-use terrane_jobs::page::CloudPageOptions;
-use terrane_jobs::tiles::CloudTilesOptions;
-use terrane_jobs::translate::PointsOptions;
-use terrane_jobs::verify::{CloudMeshProof, CloudTilesProof, Proof, Written};
+use terrane_lidar::cloud_tin::CloudTinOptions;
+use terrane_lidar::grid::GridOptions;
+use terrane_lidar::translate::PointsOptions;
 use terrane_options::{Options, changed};
 use terrane_raster::Inputs;
+use terrane_tiles::CloudTilesOptions;
+use terrane_verify::{CloudMeshProof, CloudTilesProof};
+use terrane_viewer::info::CloudInfoOptions;
+use terrane_viewer::page::CloudPageOptions;
 
 use super::Data;
 
@@ -40,6 +41,7 @@ pub struct Cloud {
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("dtm.tif");
 /// let cloud = terrane::open_cloud("synth:cloud,size=100,density=2,seed=7")?;
@@ -60,6 +62,7 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let [las, text] = ["points.las", "points.xyz"].map(|name| folder.path().join(name));
 /// std::fs::write(&text, "10 0 1\n20 5 3\n").unwrap();
@@ -86,6 +89,7 @@ pub fn open_cloud_as(input: impl Into<Inputs>, reading: CloudInput) -> Result<Cl
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("count.tif");
 /// let points: Vec<[f64; 3]> = (0..5000).map(|i| [i as f64 % 71.0, i as f64 / 71.0, 0.25 * i as f64]).collect();
@@ -138,6 +142,7 @@ impl Cloud {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// let (areas, path) = (folder.path().join("areas.wkt"), folder.path().join("count.tif"));
     /// std::fs::write(&areas, "POLYGON ((500000 4750000, 500010 4750000, 500010 4750010, 500000 4750010))").unwrap();
@@ -176,6 +181,7 @@ impl Cloud {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [path, kerb, work, other] = ["mesh.ply", "kerb.wkt", "work", "other.ply"].map(|name| folder.path().join(name));
     /// std::fs::write(&kerb, "LINESTRING (500010 4750010, 500040.5 4750033, 500055 4750020)").unwrap();
@@ -201,10 +207,11 @@ impl Cloud {
     /// a statistic of the points in its cells, or a model of the terrain. Corners of cells are at multiples of their size. The
     /// result does not depend on the order of points or files.
     ///
-    /// A [model](Job::dtm) without a side (`None`) has cells of about the distance between points.
+    /// A [model](crate::prelude::GridSetters::dtm) without a side (`None`) has cells of about the distance between points.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [work, path, high] = ["work", "dtm.tif", "chm.tif"].map(|name| folder.path().join(name));
     /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
@@ -224,12 +231,13 @@ impl Cloud {
     }
 
     /// Its points in files of points, with all that is known of them: one file, LAS, LAZ, COPC or text by the name's ending
-    /// (`.las`, `.laz`, `.copc.laz`, `.csv`), or a folder of one for each [square](Job::tile) or
-    /// [value of an attribute](Job::split). Points stay in the order of the files' names and of the points in them unless
+    /// (`.las`, `.laz`, `.copc.laz`, `.csv`), or a folder of one for each [square](crate::prelude::PointsSetters::tile) or
+    /// [value of an attribute](crate::prelude::PointsSetters::split). Points stay in the order of the files' names and of the points in them unless
     /// another is asked for; those marked as withheld are kept.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [path, thin, high, parts] = ["points.xyz", "thin.laz", "high.csv", "parts"].map(|name| folder.path().join(name));
     /// use terrane::{Assign, HeightsAs, Thin};
@@ -264,10 +272,11 @@ impl Cloud {
         options
     }
 
-    /// A page of it for a browser: one file that holds so many of its [points](Job::points) and what is known of them.
+    /// A page of it for a browser: one file that holds so many of its [points](crate::prelude::CloudPageSetters::points) and what is known of them.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [path, page, picture] = ["cloud.xyz", "cloud.html", "cloud.png"].map(|name| folder.path().join(name));
     /// # let text: String = (0..2000).map(|i| format!("{} {} {}\n", i % 50, i / 50, i % 7)).collect();
@@ -283,18 +292,19 @@ impl Cloud {
         self.job(|_| {})
     }
 
-    /// What is known of it, by its headers, or by [all of its points](Job::stats); with a [picture](Job::picture) of it from
+    /// What is known of it, by its headers, or by [all of its points](crate::prelude::CloudInfoSetters::stats); with a [picture](crate::prelude::CloudInfoSetters::picture) of it from
     /// above.
     pub fn inspect(&self) -> Job<'_, CloudInfoOptions> {
         self.job(|_| {})
     }
 
-    /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](Job::dtm)) with square cells of this side, in units
+    /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](crate::prelude::GridSetters::dtm)) with square cells of this side, in units
     /// of the reference system; about as wide as points are apart when `None`. What tiles promise is about samples
     /// of the model.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let tiles = folder.path().join("tiles");
     /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
@@ -313,8 +323,8 @@ impl Cloud {
         self.proof(mesh.as_ref())
     }
 
-    /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](Job::cell) and
-    /// [ground](Job::ground) as they were when the tiles were made.
+    /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](crate::prelude::ModelSetters::cell) and
+    /// [ground](crate::prelude::ModelSetters::ground) as they were when the tiles were made.
     pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, Written> {
         self.proof(tiles.as_ref())
     }

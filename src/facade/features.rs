@@ -4,16 +4,17 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
-use terrane_jobs::Resources;
-use terrane_jobs::info::FeaturesInfoOptions;
-use terrane_jobs::line::LineOptions;
-use terrane_jobs::operation::{Has, Job};
-use terrane_jobs::options::FeatureInput;
-use terrane_jobs::page::LinePageOptions;
-use terrane_jobs::verify::{LineProof, Written};
+use terrane_engine::Resources;
+use terrane_engine::operation::{Has, Job};
+use terrane_engine::options::FeatureInput;
+use terrane_engine::proof::Written;
 use terrane_options::{Options, to_map};
 use terrane_raster::Inputs;
+use terrane_simplify::LineOptions;
 use terrane_vector::{self as vector, OpenOptions};
+use terrane_verify::LineProof;
+use terrane_viewer::info::FeaturesInfoOptions;
+use terrane_viewer::page::LinePageOptions;
 
 use super::Data;
 
@@ -30,6 +31,7 @@ pub struct Features {
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("line.wkt");
 /// # std::fs::write(&path, "LINESTRING(0 0, 1 0.01, 2 0)\n").unwrap();

@@ -6,27 +6,30 @@ use std::sync::Arc;
 use serde_json::{Map, Value as Json};
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
+use terrane_engine::Resources;
+use terrane_engine::memory;
+use terrane_engine::operation::{Has, Job};
+use terrane_engine::options::GridInput;
+use terrane_engine::proof::{Proof, Written};
 use terrane_files::name_of;
-use terrane_jobs::colours::ColorReliefOptions;
-use terrane_jobs::contour::ContourOptions;
-use terrane_jobs::convert::ConvertOptions;
-use terrane_jobs::info::GridInfoOptions;
-use terrane_jobs::operation::{Has, Job};
-use terrane_jobs::options::GridInput;
-use terrane_jobs::page::PageOptions;
-use terrane_jobs::relief::{
-    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
-    TriOptions,
-};
-use terrane_jobs::tiles::TilesOptions;
-use terrane_jobs::tin::TinOptions;
-use terrane_jobs::verify::{MeshProof, Proof, TilesProof, Written};
-use terrane_jobs::view::PictureOptions;
-use terrane_jobs::{Resources, memory};
 use terrane_options::{Options, to_map};
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
 };
+use terrane_terrain::colours::ColorReliefOptions;
+use terrane_terrain::colours::ColorReliefSetters;
+use terrane_terrain::contour::ContourOptions;
+use terrane_terrain::convert::ConvertOptions;
+use terrane_terrain::relief::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
+use terrane_terrain::tin::TinOptions;
+use terrane_tiles::TilesOptions;
+use terrane_verify::{MeshProof, TilesProof};
+use terrane_viewer::info::GridInfoOptions;
+use terrane_viewer::page::PageOptions;
+use terrane_viewer::view::PictureOptions;
 
 use super::Data;
 
@@ -55,6 +58,7 @@ pub struct Grid {
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// let grid = terrane::open("synth:rough,size=129,seed=7")?;
 /// assert_eq!((grid.info().width, grid.info().height), (129, 129));
 /// let corner = grid.heights(terrane::Rect::new(0, 0, 2, 2))?;
@@ -74,6 +78,7 @@ pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("mesh.ply");
 /// let heights: Vec<i16> = (0..90 * 60).map(|i| (i % 90 * (i / 90) / 7) as i16).collect();
@@ -137,6 +142,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// let dem = terrane::open("synth:rough,size=129,seed=7")?.bounds([500_200.0, 4_749_000.0, 500_700.0, 4_749_500.0])?;
     /// assert_eq!((dem.info().width, dem.info().height), (51, 51));
     /// # Ok(())
@@ -155,6 +161,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// let areas = folder.path().join("areas.wkt");
     /// std::fs::write(&areas, "POLYGON ((500100 4749900, 500900 4749900, 500500 4749100))").unwrap();
@@ -180,6 +187,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// let lake = folder.path().join("lake.wkt");
     /// std::fs::write(&lake, "POLYGON ((500300 4749700, 500700 4749700, 500500 4749300))").unwrap();
@@ -229,16 +237,17 @@ impl Grid {
 
     /// A triangle mesh of it, none of its samples further from the mesh than a tolerance, by greedy insertion (Garland and
     /// Heckbert 1995) in tiles that share the vertices along their borders, joined without seams, redundant vertices
-    /// dropped again; or by [another method](Job::method).
+    /// dropped again; or by [another method](crate::prelude::TinSetters::method).
     ///
-    /// One of [`max_error`](Job::max_error), [`max_vertices`](Job::max_vertices) and
-    /// [`max_triangles`](Job::max_triangles) is the target. [`write`](Job::write) makes the mesh in a file, whatever its
-    /// size, [`build`](Job::build) in memory. Takes time about in proportion to the samples, and twice to six times as long
+    /// One of [`max_error`](crate::prelude::TargetSetters::max_error), [`max_vertices`](crate::prelude::TargetSetters::max_vertices) and
+    /// [`max_triangles`](crate::prelude::TargetSetters::max_triangles) is the target. [`write`](Job::write) makes the mesh in a file, whatever its
+    /// size, [`build`](crate::prelude::BuildTin::build) in memory. Takes time about in proportion to the samples, and twice to six times as long
     /// for a number of vertices or triangles. The result depends on nothing but the heights, the options and the size of
-    /// [tiles](Job::tile).
+    /// [tiles](crate::prelude::TinSetters::tile).
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [path, peaks, thin] = ["mesh.ply", "peaks.wkt", "thin.ply"].map(|name| folder.path().join(name));
     /// # std::fs::write(&peaks, "MULTIPOINT ((500100 4749000), (500512 4749377))").unwrap();
@@ -263,6 +272,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let path = folder.path().join("contours.geojson");
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
@@ -278,11 +288,12 @@ impl Grid {
         self.job()
     }
 
-    /// A copy of it, or of a part, in another format; exact unless [rounding](Job::round) is allowed. With
-    /// [`resampling`](Job::resampling) it may be on another lattice and in another reference system.
+    /// A copy of it, or of a part, in another format; exact unless [rounding](crate::prelude::ConvertSetters::round) is allowed. With
+    /// [`resampling`](crate::prelude::ConvertSetters::resampling) it may be on another lattice and in another reference system.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let path = folder.path().join("copy.tif");
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
@@ -303,6 +314,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let path = folder.path().join("slope.tif");
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
@@ -324,6 +336,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let path = folder.path().join("shade.png");
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
@@ -371,6 +384,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [picture, page] = ["dem.png", "dem.html"].map(|name| folder.path().join(name));
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
@@ -391,10 +405,11 @@ impl Grid {
     }
 
     /// What is known of it: size, place, storage, what is odd about it, what a mesh of it would take; and of its
-    /// [heights](Job::stats).
+    /// [heights](crate::prelude::GridInfoSetters::stats).
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
     /// let known = dem.inspect().stats(true).run()?;
     /// assert_eq!((known.format, known.stats.unwrap().valid), ("synthetic terrain", 129 * 129));
@@ -411,6 +426,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let (dem, tiles) = (folder.path().join("dem.asc"), folder.path().join("tiles"));
     /// # let row = "5 7 9 6\n";
@@ -429,7 +445,7 @@ impl Grid {
     }
 
     /// The proof of a mesh in a file against this grid. Meshes of terrane state their tolerance, what it is of, and their
-    /// smallest angle; of others, without a [largest error](Job::max_error), errors are measured and not judged.
+    /// smallest angle; of others, without a [largest error](crate::prelude::MeshProofSetters::max_error), errors are measured and not judged.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, Written> {
         self.proof(mesh.as_ref())
     }
@@ -438,6 +454,7 @@ impl Grid {
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let tiles = folder.path().join("tiles");
     /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
@@ -476,6 +493,7 @@ impl Data for Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prelude::*;
     use crate::{open_cloud, open_points};
 
     /// What is made of a grid in a file and of the same heights in memory, byte by byte.

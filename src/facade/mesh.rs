@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
-use terrane_jobs::info::MeshInfoOptions;
-use terrane_jobs::operation::Job;
-use terrane_jobs::page::PageOptions;
-use terrane_jobs::view::PictureOptions;
+use terrane_engine::operation::Job;
 use terrane_mesh as mesh;
 use terrane_raster::Inputs;
+use terrane_viewer::info::MeshInfoOptions;
+use terrane_viewer::page::PageOptions;
+use terrane_viewer::view::PictureOptions;
 
 use super::Data;
 
@@ -27,6 +27,7 @@ pub struct Mesh {
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let [path, picture, page] = ["mesh.ply", "mesh.png", "mesh.html"].map(|name| folder.path().join(name));
 /// let dem = terrane::open("synth:rough,size=129,seed=7")?;

@@ -7,6 +7,7 @@ mod data;
 mod features;
 mod grid;
 mod mesh;
+mod plan;
 mod simplify;
 mod surface;
 
@@ -16,5 +17,6 @@ pub use data::Data;
 pub use features::{Features, open_features};
 pub use grid::{Grid, open, open_array};
 pub use mesh::{Mesh, open_mesh};
+pub use plan::open_plan;
 pub use simplify::{Coordinates, Method, Simplify, simplify};
 pub use surface::Surface;

@@ -4,13 +4,14 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 
 use terrane_base::geom::plane::orient;
-use terrane_jobs::tin::Tin;
+use terrane_terrain::tin::Tin;
 
 /// The surface of a [`Tin`], ready to be asked for heights at any place: triangles by the cell of a coarse grid
 /// that their bounding boxes touch. Takes about 20 bytes a triangle, and time in proportion to their number to make.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
 /// let slope: Vec<f32> = (0..20 * 10).map(|i| (i % 20) as f32 * 2.0).collect();
 /// let tin = terrane::Tin::from_array(&slope, 20, 10)?.max_error(0.0).build()?;
 /// let surface = terrane::Surface::new(tin);
@@ -147,6 +148,7 @@ fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::Result;
+    use crate::prelude::*;
     use proptest::prelude::*;
 
     /// A mesh of random heights with holes, turned and far from the origin.

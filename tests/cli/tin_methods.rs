@@ -2,7 +2,7 @@
 
 use crate::cli_support::Place;
 use serde_json::Value;
-use terrane_methods::{METHODS, Promise, Triangulation};
+use terrane_baselines::{METHODS, Promise, Triangulation};
 
 const GRIDS: [&str; 3] = [
     "synth:rough,size=65,seed=7",

@@ -4,10 +4,12 @@ use std::path::Path;
 
 use spade::{DelaunayTriangulation, HasPosition, Point2, PositionInTriangulation, Triangulation};
 use terrane_cloud::{Filter, OpenOptions, PointFormat, Return, synth};
-use terrane_jobs::grid::GroundFrom;
-use terrane_jobs::survey;
-use terrane_jobs::translate::{Above, Classify, HeightsAs, TranslateJob};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_lidar::grid::GroundFrom;
+use terrane_lidar::survey;
+use terrane_lidar::translate::{Above, Classify, HeightsAs, TranslateJob};
 
 use crate::cloud_support::{Place, raw};
 use crate::translate::{job, number, run, whole};

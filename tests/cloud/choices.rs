@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use terrane_jobs::Resources;
-use terrane_jobs::translate::{Overlap, Sort, TranslateJob};
+use terrane_engine::Resources;
+use terrane_lidar::translate::{Overlap, Sort, TranslateJob};
 
 use crate::cloud_support::{Made, Packing, Place, raw};
 use crate::translate::{job, number, run, whole};

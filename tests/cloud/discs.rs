@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use proptest::prelude::*;
-use terrane_jobs::Resources;
-use terrane_jobs::translate::TranslateJob;
+use terrane_engine::Resources;
+use terrane_lidar::translate::TranslateJob;
 
 use crate::cloud_support::{Made, Packing, Place, Random, raw};
 use crate::translate::{job, run, whole};

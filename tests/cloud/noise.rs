@@ -5,9 +5,9 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use terrane_cloud::{Filter, OpenOptions};
-use terrane_jobs::Resources;
-use terrane_jobs::grid::GroundFrom;
-use terrane_jobs::translate::{Above, Classify, TranslateJob, TranslateReport};
+use terrane_engine::Resources;
+use terrane_lidar::grid::GroundFrom;
+use terrane_lidar::translate::{Above, Classify, TranslateJob, TranslateReport};
 
 use crate::cloud_support::{Made, Packing, Place, Random, raw};
 use crate::translate::{job, run, whole};

@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use terrane_cloud::{Filter, OpenOptions};
-use terrane_jobs::grid::GroundFrom;
-use terrane_jobs::operation::Divisible;
-use terrane_jobs::plan::{DiskCheck, Form, RunJob};
-use terrane_jobs::translate::plan::{PlanPointsJob, PointsWritten, plan_points};
-use terrane_jobs::translate::{
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_engine::operation::Divisible;
+use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_lidar::grid::GroundFrom;
+use terrane_lidar::translate::plan::{PlanPointsJob, PointsWritten, plan_points};
+use terrane_lidar::translate::{
     Above, Classify, HeightsAs, PointsOptions, Squares, Thin, TranslateJob,
 };
-use terrane_jobs::{Cancel, Resources, Silent};
 
 use crate::cloud_support::{Made, Packing, Place};
 use crate::translate::{job, run};

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 use terrane_cloud::PointFormat;
-use terrane_jobs::Resources;
-use terrane_jobs::translate::TranslateJob;
+use terrane_engine::Resources;
+use terrane_lidar::translate::TranslateJob;
 
 use crate::cloud_support::{Made, Packing, Place, keep_all, raw, read_all};
 use crate::translate::{job, number, run, whole};

@@ -7,10 +7,12 @@ use terrane_base::geom::wkt;
 use terrane_cloud::synth;
 use terrane_cloud::{Filter, OpenOptions, PointFormat, PointSource, Return};
 use terrane_crs::Operation;
-use terrane_jobs::survey;
-use terrane_jobs::transform::Transform;
-use terrane_jobs::translate::{self, BufferMark, Squares, TranslateJob, TranslateReport};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_engine::transform::Transform;
+use terrane_lidar::survey;
+use terrane_lidar::translate::{self, BufferMark, Squares, TranslateJob, TranslateReport};
 
 use crate::cloud_support::{Made, Packing, Place, RECORD, keep_all, raw, read_all};
 pub(crate) use crate::cloud_support::{number, whole};

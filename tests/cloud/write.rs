@@ -10,8 +10,10 @@ use terrane_cloud::write::{
     CHUNK, CloudWriter, Packing, PointFormat, Record, WriteOptions, packing_by_name,
 };
 use terrane_cloud::{Filter, OpenOptions, PointSource, Return};
-use terrane_jobs::survey::{self, SurveyJob};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_lidar::survey::{self, SurveyJob};
 
 pub(crate) fn options(format: u8, compress: bool) -> WriteOptions {
     let frame = Frame { scale: [0.01, 0.001, 0.5], offset: [500.0, -70.25, 10.0] };

@@ -8,8 +8,10 @@ use crate::cloud_support::{Made, Packing, Place, Random, copc, keep_all, read_fi
 use crate::data;
 use terrane::{ErrorKind, Result};
 use terrane_cloud::{Census, OpenOptions};
-use terrane_jobs::translate::{self, TranslateJob};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_lidar::translate::{self, TranslateJob};
 
 /// Far below what any of the lying headers asks for.
 const MOST_MEMORY: u64 = 512 << 20;
@@ -40,7 +42,7 @@ fn both(name: &str) -> (Found, Found) {
 }
 
 fn peak_is_low() -> bool {
-    terrane_jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
+    terrane_engine::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
 }
 
 /// Small files, one of each kind.

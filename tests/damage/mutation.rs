@@ -222,7 +222,7 @@ fn damage(name: &str) {
     }
     println!("{name}: {count} mutations, {read} read, {} refused", count - read);
     assert!(read < count, "all {count} read: nothing was damaged");
-    assert!(terrane_jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
+    assert!(terrane_engine::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
 }
 
 /// True when the grid was read, false when it was refused in one line.

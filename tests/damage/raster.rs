@@ -41,7 +41,7 @@ fn every_damaged_file_of_the_corpus() {
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
     assert!(rows.len() > 50, "only {} files", rows.len());
-    assert!(terrane_jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
+    assert!(terrane_engine::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
 }
 
 #[test]

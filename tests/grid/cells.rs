@@ -4,9 +4,9 @@
 use crate::support::{Memory, cells, frame, job, near, plain, points, read, run};
 use tempfile::tempdir;
 use terrane_base::geom::{Frame, Point};
+use terrane_engine::Resources;
 use terrane_gridding::{Statistic, parse_list};
-use terrane_jobs::Resources;
-use terrane_jobs::grid::{Compat, GridJob, Placement};
+use terrane_lidar::grid::{Compat, GridJob, Placement};
 use terrane_raster::SampleType;
 
 const OWN: &str = "count,density,min,max,range,mean,std,std:ddof=1,median,p95,p0,p100";
@@ -379,11 +379,11 @@ fn what_cannot_be_is_refused_with_its_remedy() {
     let path = |name: &str| folder.path().join(name);
     let source = Memory::new(frame(0.01, [0.0; 3]), &points(10, 1000, 100, 1), 9);
     let fails = |job: &GridJob, part: &str| {
-        let told = terrane_jobs::grid::grid(
+        let told = terrane_lidar::grid::grid(
             &source,
             job,
-            &terrane_jobs::Silent,
-            &terrane_jobs::Cancel::default(),
+            &terrane_engine::Silent,
+            &terrane_engine::Cancel::default(),
         );
         let told = told.unwrap_err().to_string();
         assert!(told.contains(part), "{told}");

@@ -6,9 +6,11 @@ use std::path::Path;
 use crate::cli_support::Place;
 use crate::support::{Written, read};
 use terrane_cloud::synth::survey;
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
 use terrane_gridding::parse_list;
-use terrane_jobs::grid::{GridJob, GridReport, GroundFrom, Preset, run};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_lidar::grid::{GridJob, GridReport, GroundFrom, Preset, run};
 use terrane_synth::cloud::{BUILDING, Survey};
 
 /// World coordinates of a synthetic cloud's south-west corner.

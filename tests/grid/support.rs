@@ -7,9 +7,10 @@ use std::path::Path;
 use terrane::Result;
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_cloud::{BATCH, Census, CloudInfo, PointSource};
+use terrane_engine::Cancel;
+use terrane_engine::Silent;
 use terrane_gridding::{Statistic, parse_list};
-use terrane_jobs::grid::{GridJob, GridReport, grid};
-use terrane_jobs::{Cancel, Silent};
+use terrane_lidar::grid::{GridJob, GridReport, grid};
 use terrane_raster as raster;
 
 /// Points in memory.

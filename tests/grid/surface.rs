@@ -7,7 +7,7 @@ use crate::support::{Lots, Memory, frame, job, read, run};
 use terrane_base::geom::{Frame, Point};
 use terrane_cloud::{OpenOptions, PointSource};
 use terrane_delaunay::{Bins, Finder, Found, Hull, Loaded, Position, interpolate};
-use terrane_jobs::Resources;
+use terrane_engine::Resources;
 
 /// All points of a source.
 fn all(source: &dyn PointSource) -> Vec<Point> {

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use terrane::{Affine, Bound, Cancel, Crs, Plan, Progress, Rect, Tin};
+use terrane::prelude::*;
+use terrane::{Affine, Bound, Cancel, Crs, Progress, Rect, Tin};
 use terrane_base::ErrorKind;
 
 const NAME: &str = "synth:rough,size=300,seed=7";
@@ -366,7 +367,8 @@ fn a_plan_gives_what_a_single_run_does() {
     assert!(before.done == 0 && before.to_do.len() > 2 && before.written.is_none());
     plan.run().task(&before.to_do[0].id).run().unwrap();
     assert_eq!(plan.status().unwrap().done, 1);
-    let done = Plan::open(path("mesh")).unwrap().run().output(path("many.ply")).run().unwrap();
+    let done =
+        terrane::open_plan(path("mesh")).unwrap().run().output(path("many.ply")).run().unwrap();
     assert_eq!((done.found, done.written), (1, Some(path("many.ply"))));
     assert_eq!(plan.status().unwrap().written, Some(path("many.ply")));
     let bytes = |name: &str| std::fs::read(path(name)).unwrap();
@@ -379,7 +381,7 @@ fn a_plan_gives_what_a_single_run_does() {
         cells().plan(path("cells"), 256).unwrap().run().output(path("many.tif")).run().unwrap();
     assert!(done.tasks > 1 && done.written.is_some());
     assert!(bytes("single.tif") == bytes("many.tif"));
-    assert!(Plan::open(path("nothing")).is_err());
+    assert!(terrane::open_plan(path("nothing")).is_err());
     assert_eq!(
         tin().max_vertices(9).plan(path("other"), None).unwrap_err().kind(),
         ErrorKind::Usage

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::ErrorKind;
 use terrane_base::Result;
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_engine::operation::Divisible;
+use terrane_engine::plan::{DiskCheck, Form, RunJob, RunReport};
 use terrane_gridding::parse_list;
-use terrane_jobs::grid::plan::{CellRun, PlanGridJob, plan_grid};
-use terrane_jobs::grid::{GridJob, GridOptions, GroundFrom, Preset, run};
-use terrane_jobs::operation::Divisible;
-use terrane_jobs::plan::{DiskCheck, Form, RunJob, RunReport};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_lidar::grid::plan::{CellRun, PlanGridJob, plan_grid};
+use terrane_lidar::grid::{GridJob, GridOptions, GroundFrom, Preset, run};
 use terrane_raster::SampleType;
 
 /// Side of the cloud, and of the square that a file of it has.

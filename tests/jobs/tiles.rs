@@ -1,7 +1,8 @@
 //! Tiles of the globe by a job that is made by hand.
 
-use terrane_jobs::tiles::{TilesJob, run};
-use terrane_jobs::{Cancel, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Silent;
+use terrane_tiles::{TilesJob, run};
 
 #[test]
 fn a_mask_without_water_is_none() {

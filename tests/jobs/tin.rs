@@ -10,10 +10,11 @@ use support::{
 use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_base::bound::Bound;
-use terrane_jobs::breaklines::Breaklines;
-use terrane_jobs::kept::Kept;
-use terrane_jobs::tin::{Flaws, Outcome, Settings, run_on};
-use terrane_jobs::{Cancel, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Silent;
+use terrane_engine::breaklines::Breaklines;
+use terrane_engine::kept::Kept;
+use terrane_terrain::tin::{Flaws, Outcome, Settings, run_on};
 use terrane_tin::{AngleBound, Spec};
 
 struct Run {

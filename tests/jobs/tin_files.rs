@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::ErrorKind;
 use terrane_base::Result;
-use terrane_jobs::tin::{Goal, TinJob, TinReport, run};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
 use terrane_mesh as mesh;
+use terrane_terrain::tin::{Goal, TinJob, TinReport, run};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=7";
 

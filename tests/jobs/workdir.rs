@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::ErrorKind;
 use terrane_base::Result;
-use terrane_jobs::operation::Divisible;
-use terrane_jobs::plan::{DiskCheck, Form, RunJob};
-use terrane_jobs::tin::{
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_engine::operation::Divisible;
+use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_terrain::tin::{
     Goal, PlanJob, RunReport, StatusReport, TinJob, TinOptions, plan_work, run, run_in,
 };
-use terrane_jobs::{Cancel, Resources, Silent};
 
 const TERRAIN: &str = "synth:rough,width=700,height=1100,seed=7";
 

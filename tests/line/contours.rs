@@ -10,12 +10,13 @@ use proptest::prelude::*;
 use support::{Grid, Heights, Line, first_meeting, job, lines_of, made, read, units};
 use terrane::ErrorKind;
 use terrane_base::geom::{Affine, Crs, Rect};
-use terrane_contour::{self as contour, Levels, Lines, Scratch, Window};
-use terrane_jobs::contour::trace;
-use terrane_jobs::line::Length;
-use terrane_jobs::{Cancel, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Silent;
 use terrane_proof::lines::{self, Distance, Question};
+use terrane_simplify::Length;
+use terrane_terrain::contour::trace;
 use terrane_vector as vector;
+use terrane_window::contour::{self as contour, Levels, Lines, Scratch, Window};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=3";
 

@@ -4,14 +4,16 @@
 use std::path::Path;
 
 use terrane::ErrorKind;
-use terrane_jobs::contour::{self, ContourJob, ContourOptions};
-use terrane_jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
-use terrane_jobs::verify::{LineVerifyJob, verify_lines};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
 use terrane_line::METHODS;
 use terrane_line::registry::Bounds;
 use terrane_proof::lines::{self, Distance, Question};
+use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane_terrain::contour::{self, ContourJob, ContourOptions};
 use terrane_vector::{self as vector, FORMATS, Feature, Kind, OpenOptions, Value};
+use terrane_verify::{LineVerifyJob, verify_lines};
 
 fn resources() -> Resources {
     Resources { threads: 1, memory: 1 << 30, temp_dir: None }

@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use terrane::ErrorKind;
-use terrane_jobs::line::{Goal, Length, LineJob, Topology, run};
-use terrane_jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
 use terrane_line::METHODS;
 use terrane_line::registry::Bounds;
 use terrane_line::topology::{Collapse, Strategy};
+use terrane_simplify::{Goal, Length, LineJob, Topology, run};
 use terrane_vector::{FORMATS, VectorFormat};
+use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 
 /// Numbers that look random, and are the same each time.
 struct Dice(u64);

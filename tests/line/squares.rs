@@ -3,19 +3,21 @@
 
 #![allow(dead_code)]
 
-#[path = "../../crates/line/src/topology/tests/twin.rs"]
+#[path = "../../crates/simplify/line/src/topology/tests/twin.rs"]
 mod twin;
-#[path = "../../crates/line/src/topology/tests/worlds.rs"]
+#[path = "../../crates/simplify/line/src/topology/tests/worlds.rs"]
 mod worlds;
 
 use std::path::{Path, PathBuf};
 
 use crate::coverage;
-use terrane_jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
-use terrane_jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
 use terrane_line::Xy;
 use terrane_line::topology::{Chains, Collapse, Kept, Strategy};
+use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 use worlds::{Dice, World};
 
 /// A folder with the files of a world.

@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use serde_json::{Value, json};
-use terrane_jobs::line::{Goal, Length, LineJob, run};
-use terrane_jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_simplify::{Goal, Length, LineJob, run};
 use terrane_vector::FORMATS;
+use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 
 fn resources() -> Resources {
     Resources { threads: 1, memory: 1 << 28, temp_dir: None }

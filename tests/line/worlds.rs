@@ -10,10 +10,12 @@ mod whole;
 use std::collections::{BTreeMap, BTreeSet};
 
 use lattice::{Cell, Segment, Shape, Way, closed, crowd, moved, world};
-use terrane_jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
 use terrane_line::METHODS;
 use terrane_line::topology::{Collapse, Strategy};
+use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};
 use whole::{area, is_on, is_simple, is_within, meet, segments, turns, without_repeats};
 
 /// A number of thousandths.

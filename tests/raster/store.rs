@@ -7,10 +7,11 @@ use terrane_base::Error;
 use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_base::geom::{Affine, Crs, Rect};
-use terrane_jobs::convert::{ConvertJob, ConvertReport, copy, run};
-use terrane_jobs::{Cancel, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Silent;
 use terrane_raster::store::{Heights, StoreWriter};
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, SampleType};
+use terrane_terrain::convert::{ConvertJob, ConvertReport, copy, run};
 
 const TYPES: [SampleType; 9] = [
     SampleType::I8,

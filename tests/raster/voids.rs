@@ -7,9 +7,10 @@ use std::path::Path;
 use crate::cli_support::{Place, json};
 use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{open_band, read_all};
-use terrane_jobs::convert::{self, ConvertJob};
-use terrane_jobs::{Cancel, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Silent;
 use terrane_raster::{SampleType, write};
+use terrane_terrain::convert::{self, ConvertJob};
 
 const SIZE: [usize; 2] = [6, 4];
 

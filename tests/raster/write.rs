@@ -8,9 +8,10 @@ use terrane_base::Error;
 use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_base::geom::{Affine, Crs, Rect};
-use terrane_jobs::convert::{ConvertJob, ConvertReport, copy};
-use terrane_jobs::{Cancel, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Silent;
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, SampleType, write};
+use terrane_terrain::convert::{ConvertJob, ConvertReport, copy};
 
 /// A grid in memory, given by its stored values; NaN and nodata are void.
 #[derive(Clone)]
@@ -509,7 +510,7 @@ fn a_full_disk_is_found_before_the_work() {
     let input = "synth:rough,size=4000000";
     for asked in ["GTiff", "COG COMPRESS=NONE", "COG"] {
         let path = folder.path().join("a.tif");
-        let error = terrane_jobs::convert::run(
+        let error = terrane_terrain::convert::run(
             &ConvertJob { input: input.into(), ..job(&path, asked) },
             &Silent,
             &Cancel::default(),
@@ -526,9 +527,9 @@ fn spools_of_a_cog_go_where_the_user_says() {
     let mut job = job(&folder.path().join("a.tif"), "COG");
     job.input = "synth:rough,size=65".into();
     job.options.resources.temp_dir = Some(folder.path().join("lost"));
-    let error = terrane_jobs::convert::run(&job, &Silent, &Cancel::default()).unwrap_err();
+    let error = terrane_terrain::convert::run(&job, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(error.path(), job.options.resources.temp_dir.as_deref());
     job.options.resources.temp_dir = Some(folder.path().into());
-    terrane_jobs::convert::run(&job, &Silent, &Cancel::default()).unwrap();
+    terrane_terrain::convert::run(&job, &Silent, &Cancel::default()).unwrap();
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 
 use serde_json::Value;
-use terrane_proof::tiles::{Content, Said, Tile as Proven, TileId as ProvenId};
-use terrane_tiles::{
+use terrane_globe::{
     Extras, Form, Level, Measure, Patch, STEPS, Tile, TileId, Vertex, glb, quantized_mesh,
 };
+use terrane_proof::tiles::{Content, Said, Tile as Proven, TileId as ProvenId};
 
 use crate::cli_support::{Place, json};
 

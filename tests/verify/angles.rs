@@ -3,9 +3,11 @@
 use crate::support::{Grid, Mesh, delaunay, noise};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_jobs::kept::Kept;
-use terrane_jobs::verify::{Asked, VerifyReport, verify};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_engine::kept::Kept;
+use terrane_verify::{Asked, VerifyReport, verify};
 
 fn prove(mesh: &Mesh, grid: &Grid, degrees: Option<f64>, memory: u64) -> VerifyReport {
     let asked = Asked { min_angle: degrees, kept: Kept::NONE, ..Asked::of_samples(Some(1e9)) };

@@ -4,7 +4,7 @@ use crate::support::{
     self, Grid, Mesh, check, check_surface, check_with, delaunay, noise, split_cells,
 };
 use terrane_base::geom::Affine;
-use terrane_jobs::verify::{Asked, FaultReport, Place, VerifyReport};
+use terrane_verify::{Asked, FaultReport, Place, VerifyReport};
 
 /// World y of a row, under the default map.
 fn y(row: u32) -> f64 {
@@ -365,11 +365,11 @@ fn unusable_vertices_and_bad_ids() {
     assert_eq!((report.unusable_vertices, report.broken_triangles), (1, 6));
     assert!(!report.verdict.passed);
     mesh.triangles[3][1] = 1 << 40;
-    let resources = terrane_jobs::Resources::default();
-    let (progress, cancel) = (terrane_jobs::Silent, terrane_jobs::Cancel::default());
+    let resources = terrane_engine::Resources::default();
+    let (progress, cancel) = (terrane_engine::Silent, terrane_engine::Cancel::default());
     let verify = |tolerance| {
         let asked = Asked::of_samples(tolerance);
-        terrane_jobs::verify::verify(&mesh, &grid, asked, &resources, &progress, &cancel)
+        terrane_verify::verify(&mesh, &grid, asked, &resources, &progress, &cancel)
     };
     let error = verify(None).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::BadInput);

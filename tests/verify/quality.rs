@@ -5,9 +5,11 @@ use std::path::Path;
 use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use terrane::Result;
 use terrane_base::geom::{Affine, Crs};
-use terrane_jobs::input::mesh_bounds;
-use terrane_jobs::verify::{Against, Measured, QualityReport, quality};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_engine::input::mesh_bounds;
+use terrane_verify::{Against, Measured, QualityReport, quality};
 
 fn measured(
     mesh: &Mesh,

@@ -5,7 +5,7 @@ use std::io::{Cursor, Read, Write};
 use crate::cli_support::Place;
 use crate::support::{Grid, Mesh, check, check_with, noise, split_cells};
 use serde_json::Value;
-use terrane_jobs::verify::VerifyReport;
+use terrane_verify::VerifyReport;
 
 /// A tolerance that no planted fault breaks.
 const WIDE: Option<f64> = Some(100.0);

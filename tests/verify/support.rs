@@ -4,11 +4,13 @@
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::{Bound, Result};
 use terrane_base::geom::{Point3, Rect};
-use terrane_jobs::figures::Figures;
-use terrane_jobs::verify::{Asked, VerifyReport, verify};
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
+use terrane_engine::figures::Figures;
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};
+use terrane_verify::{Asked, VerifyReport, verify};
 
 /// A grid in memory.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::support::{Grid, Mesh, check_with, delaunay, findings, noise, split_cells};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_jobs::verify::{Asked, VerifyReport};
+use terrane_verify::{Asked, VerifyReport};
 
 /// Positions are in quarters of a cell (column, row), heights and tolerances in eighths.
 type At = [i64; 2];
@@ -551,17 +551,17 @@ fn a_crowd_of_triangles_in_one_place_is_refused_by_name() {
     let one = mesh.triangles[0];
     mesh.triangles.extend(std::iter::repeat_n(one, 20_000));
     mesh.recount();
-    let (progress, cancel) = (terrane_jobs::Silent, terrane_jobs::Cancel::default());
+    let (progress, cancel) = (terrane_engine::Silent, terrane_engine::Cancel::default());
     let verify = |memory| {
-        let resources = terrane_jobs::Resources { threads: 1, memory, temp_dir: None };
+        let resources = terrane_engine::Resources { threads: 1, memory, temp_dir: None };
         let asked = Asked { bound: terrane::Bound::Surface, ..Asked::of_samples(None) };
-        terrane_jobs::verify::verify(&mesh, &grid, asked, &resources, &progress, &cancel)
+        terrane_verify::verify(&mesh, &grid, asked, &resources, &progress, &cancel)
     };
     let error = verify(1 << 20).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::Resource);
     // What is advised is enough, and not much less is.
     let remedy = error.remedy_text().unwrap();
-    let advised = terrane_jobs::memory::parse(remedy.split_whitespace().nth(2).unwrap()).unwrap();
+    let advised = terrane_engine::memory::parse(remedy.split_whitespace().nth(2).unwrap()).unwrap();
     assert_eq!(verify(advised).unwrap().non_manifold_edges.count, 3, "{remedy}");
     assert!(verify(advised / 2).is_err(), "{remedy}");
 }

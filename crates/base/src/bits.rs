@@ -1,4 +1,4 @@
-//! A set of small numbers, one bit each.
+//! Sets of small numbers, one bit each; numbers whose bits are mixed, or ordered as signed ones are.
 
 use std::ops::Range;
 
@@ -74,6 +74,21 @@ fn ones(word: u64, base: usize) -> impl Iterator<Item = usize> + Clone {
     std::iter::successors(Some(word), |word| Some(word & word.wrapping_sub(1)))
         .take_while(|&word| word != 0)
         .map(move |word| base + word.trailing_zeros() as usize)
+}
+
+/// A number of 64 bits that look like any, from others (splitmix64, Steele et al. 2014).
+pub fn mixed(words: &[u64]) -> u64 {
+    words.iter().fold(0, |seed, word| {
+        let mut x = (seed ^ word).wrapping_add(0x9E37_79B9_7F4A_7C15);
+        x = (x ^ x >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        x = (x ^ x >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        x ^ x >> 31
+    })
+}
+
+/// A signed number as one that is ordered alike.
+pub fn ordered(value: i32) -> u64 {
+    u64::from(value as u32 ^ 1 << 31)
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ mod member;
 mod open;
 mod polygon;
 mod sieve;
+mod spacing;
 pub mod synth;
 mod text;
 mod version;
@@ -33,6 +34,7 @@ pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
 pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::{Polygon, PolygonRings};
+pub use spacing::{round_side, round_up};
 pub use version::LasVersion;
 
 pub use terrane_base::attribute::Return;

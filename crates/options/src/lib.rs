@@ -31,9 +31,9 @@
 //! ```
 //!
 //! `#[options(rules = ..)]` says which options go together; a rule that names none fails to compile.
-//! `#[options(setters = own)]` gives a builder `crate::operation::Job` a setter for each field, `setters = group` all
-//! builders of structs that have the group; no two groups may have one name then, but where the operations are named:
-//! `setters_for(TilesOptions)`.
+//! `#[options(setters = own)]` makes a trait of a setter for each field, `ShadeSetters` of these, which the job
+//! `terrane_engine::operation::Job` of the options has; with `setters = group`, the jobs of all structs have it that have
+//! the group.
 //!
 //! # Attributes of fields
 //!
@@ -66,7 +66,7 @@ pub use fill::{changed, fill, noted, set_texts, settled, texts_of, to_map};
 pub use rules::{Rule, assert_rules, check, check_given, check_planned};
 pub use serde_json::Value as Json;
 pub use table::{Entry, Field, Kind, Named, Range, Role, Shape, Table};
-pub use terrane_options_derive::{Choice, Options};
+pub use terrane_derive::{Choice, Options};
 
 /// Looks at a value and the name of its field.
 pub type Visit<'a> = dyn FnMut(&'static str, &dyn AnyValue) + 'a;

@@ -101,7 +101,7 @@ pub fn terrain(info: &GridInfo) -> [f64; 2] {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     let is_elsewhere =
         !info.crs.spheroid().is_ok_and(|own| own.is_none_or(|own| own.is_of_earth()));
-    let metres = match (info.crs.vertical_metres(), heights_unit(info)) {
+    let metres = match (info.crs.vertical_metres(), info.crs.heights_unit()) {
         (None, Some(_)) => return ALL,
         (metres, _) => metres.unwrap_or(1.0),
     };
@@ -151,13 +151,13 @@ fn no_crs(info: &GridInfo) -> Option<String> {
 }
 
 fn degrees(info: &GridInfo) -> Option<String> {
-    let of = heights_unit(info).unwrap_or("the unit of the heights");
+    let of = info.crs.heights_unit().unwrap_or("the unit of the heights");
     let text = format!("x and y are in degrees; the vertical error (‹max_error›) is in {of}");
     (info.crs.horizontal_unit() == "degree").then_some(text)
 }
 
 fn mixed_units(info: &GridInfo) -> Option<String> {
-    let (across, up) = (info.crs.horizontal_unit(), heights_unit(info)?);
+    let (across, up) = (info.crs.horizontal_unit(), info.crs.heights_unit()?);
     let comparable = across != "degree" && across != "unit" && across != up;
     comparable.then(|| {
         format!("x and y are in {across} but heights in {up}: the vertical error is in {up}")
@@ -166,11 +166,7 @@ fn mixed_units(info: &GridInfo) -> Option<String> {
 
 fn vertical_unit_unknown(info: &GridInfo) -> Option<String> {
     let text = "the file does not name the unit of its heights; the vertical error is in that unit";
-    heights_unit(info).is_none().then(|| text.to_owned())
-}
-
-fn heights_unit(info: &GridInfo) -> Option<&str> {
-    info.crs.vertical_unit.as_deref().map(str::trim).filter(|unit| !unit.is_empty())
+    info.crs.heights_unit().is_none().then(|| text.to_owned())
 }
 
 /// Width and height of a cell, and how far its sides are from those of the axes, at most 1.

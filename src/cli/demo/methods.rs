@@ -9,12 +9,14 @@ use super::{Args, mesh, name_of, picture, prove, size, terrain};
 use crate::atomic;
 use crate::cli::shared::{Outcome, report, say, text};
 use crate::error::{Error, Result};
-use crate::jobs::convert;
-use crate::jobs::tin::{Goal, Textbook, TinJob};
-use crate::jobs::verify::Verdict;
-use crate::jobs::view::{Panel, SheetJob, run_sheet};
-use crate::jobs::{self, Cancel, Progress, Resources};
 use crate::methods::{METHODS, Triangulation};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::proof::Verdict;
+use terrane_terrain::convert;
+use terrane_terrain::tin::{Goal, Textbook, TinJob};
+use terrane_viewer::view::{Panel, SheetJob, run_sheet};
 
 /// Small enough for methods that hold all of it, and for edges to be told apart; and how far a sample may be
 /// from the meshes, in metres.
@@ -113,8 +115,8 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 /// Makes and proves a mesh.
 fn row(way: &Way, job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Row> {
     let made = match way.method {
-        None => jobs::tin::run(job, progress, cancel)?,
-        Some(name) => jobs::tin::run_by(job, &by_name(name)?, progress, cancel)?,
+        None => terrane_terrain::tin::run(job, progress, cancel)?,
+        Some(name) => terrane_terrain::tin::run_by(job, &by_name(name)?, progress, cancel)?,
     };
     let checked = prove(job, &made, progress, cancel)?;
     Ok(Row {

@@ -11,11 +11,14 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
-use crate::jobs::convert::{self, ConvertJob};
-use crate::jobs::tin::{Goal, TinJob, TinReport};
-use crate::jobs::verify::{MeshProof, Proof, VerifyReport, Written};
-use crate::jobs::view::{PictureOptions, ViewJob};
-use crate::jobs::{self, Cancel, Progress, Resources};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::proof::{Proof, Written};
+use terrane_terrain::convert::{self, ConvertJob};
+use terrane_terrain::tin::{Goal, TinJob, TinReport};
+use terrane_verify::{MeshProof, VerifyReport};
+use terrane_viewer::view::{PictureOptions, ViewJob};
 
 /// Make a synthetic terrain, simplify it, prove the result, and draw it
 #[derive(Clone, Debug, clap::Args)]
@@ -76,9 +79,9 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = progress.as_ref();
     convert::run(&terrain(TERRAIN, &files.grid, &resources), progress, cancel)?;
     let job = mesh(&files.grid, &files.mesh, &resources)?;
-    let made = jobs::tin::run(&job, progress, cancel)?;
+    let made = terrane_terrain::tin::run(&job, progress, cancel)?;
     let checked = prove(&job, &made, progress, cancel)?;
-    jobs::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
+    terrane_viewer::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
     let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
     report::write(&files.report, true, &report)?;
     if args.show.json {

@@ -3,9 +3,9 @@
 use super::picture;
 use crate::cli::shared::text;
 use crate::geom::Point3;
-use crate::jobs::cloud_stats::CloudStats;
-use crate::jobs::heights::Heights;
-use crate::jobs::info::CloudInfoReport;
+use terrane_viewer::cloud_stats::CloudStats;
+use terrane_viewer::heights::Heights;
+use terrane_viewer::info::CloudInfoReport;
 
 /// Names and values.
 pub(crate) fn rows(cloud: &CloudInfoReport) -> Vec<(String, String)> {

@@ -1,7 +1,7 @@
 //! `terrane info` of files of features, for people.
 
 use crate::cli::shared::text;
-use crate::jobs::info::{FeaturesInfoReport, FieldStats};
+use terrane_viewer::info::{FeaturesInfoReport, FieldStats};
 
 /// Names and values.
 pub(crate) fn rows(own: &FeaturesInfoReport) -> Vec<(String, String)> {

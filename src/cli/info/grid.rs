@@ -2,9 +2,9 @@
 
 use crate::cli::info::details;
 use crate::cli::shared::text;
-use crate::jobs::info::GridInfoReport;
-use crate::jobs::input::GridStats;
-use crate::jobs::tin::Cost;
+use terrane_engine::input::GridStats;
+use terrane_terrain::tin::Cost;
+use terrane_viewer::info::GridInfoReport;
 
 /// Names and values.
 pub(crate) fn rows(grid: &GridInfoReport) -> Vec<(String, String)> {

@@ -3,7 +3,7 @@
 use crate::cli::info::{details, quality};
 use crate::cli::shared::text;
 use crate::geom::Point3;
-use crate::jobs::info::MeshInfoReport;
+use terrane_viewer::info::MeshInfoReport;
 
 /// Names and values.
 pub(crate) fn rows(mesh: &MeshInfoReport) -> Vec<(String, String)> {

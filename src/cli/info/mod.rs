@@ -18,16 +18,18 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, report, say, text};
 use crate::error::{Error, ErrorKind, Result};
 use crate::files::path_of;
-use crate::jobs::info::{
-    CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
-    GridInfoReport, Inspection, MeshInfoOptions, MeshInfoReport,
-};
-use crate::jobs::input::is_mesh;
-use crate::jobs::operation::Has;
-use crate::jobs::options::{CloudInput, FeatureInput, GridInput};
-use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::{Cancel, Progress};
 use crate::raster::Inputs;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::input::is_mesh;
+use terrane_engine::operation::Has;
+use terrane_engine::options::{CloudInput, FeatureInput, GridInput};
+use terrane_engine::proof::Inspection;
+use terrane_engine::sift::{Sifted, Skipped};
+use terrane_viewer::info::{
+    CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
+    GridInfoReport, MeshInfoOptions, MeshInfoReport,
+};
 
 /// Tell what grids, meshes, point clouds and files of lines are, what is odd about them, and what a TIN
 /// of a grid would take

@@ -3,7 +3,7 @@
 use terrane_options::Choice;
 
 use crate::cli::shared::text;
-use crate::jobs::cloud_picture::PictureReport;
+use terrane_viewer::cloud_picture::PictureReport;
 
 /// Names and values for people; areas are in squares of `unit`.
 pub(super) fn rows(report: &PictureReport, unit: &str) -> Vec<(String, String)> {

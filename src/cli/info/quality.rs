@@ -1,9 +1,7 @@
 //! `terrane info --quality`: what a mesh is worth as a triangulation, for people.
 
 use crate::cli::shared::text;
-use crate::jobs::verify::{
-    AngleReport, AspectReport, DegreeReport, Place, QualityReport, SlopeReport,
-};
+use terrane_verify::{AngleReport, AspectReport, DegreeReport, Place, QualityReport, SlopeReport};
 
 /// What was measured, for people.
 pub(crate) fn rows(quality: &QualityReport) -> Vec<(String, String)> {

@@ -17,15 +17,15 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names};
 use crate::cli::tin;
 use crate::error::{Error, Result};
-use crate::jobs::Cancel;
-use crate::jobs::cloud_tin::CloudTinOptions;
-use crate::jobs::grid::GridOptions;
-use crate::jobs::operation::{Divisible, Operation, Request, plan_of};
-use crate::jobs::plan::StatusReport;
-use crate::jobs::tiles::TilesOptions;
-use crate::jobs::tin::TinOptions;
-use crate::jobs::translate::PointsOptions;
 use crate::raster::Inputs;
+use terrane_engine::Cancel;
+use terrane_engine::operation::{Divisible, Operation, Request, plan_of};
+use terrane_engine::plan::StatusReport;
+use terrane_lidar::cloud_tin::CloudTinOptions;
+use terrane_lidar::grid::GridOptions;
+use terrane_lidar::translate::PointsOptions;
+use terrane_terrain::tin::TinOptions;
+use terrane_tiles::TilesOptions;
 
 /// Write down the work on a large input as tasks, do them, here or on many machines, and tell how far they are
 #[derive(Clone, Debug, clap::Args)]

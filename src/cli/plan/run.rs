@@ -8,17 +8,17 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, say, text};
 use crate::cli::{grid, points, tiles, tin};
 use crate::error::{Error, Result};
-use crate::jobs::Cancel;
-use crate::jobs::cloud_tin::CloudTinOptions;
-use crate::jobs::cloud_tin::plan::PointRun;
-use crate::jobs::grid::GridOptions;
-use crate::jobs::grid::plan::CellRun;
-use crate::jobs::operation::Divisible;
-use crate::jobs::plan::{Kind, RunJob, RunOptions, RunReport, Written, kind};
-use crate::jobs::tiles::{TilesOptions, TilesRun};
-use crate::jobs::tin::{MeshRun, TinOptions};
-use crate::jobs::translate::PointsOptions;
-use crate::jobs::translate::plan::SquareRun;
+use terrane_engine::Cancel;
+use terrane_engine::operation::Divisible;
+use terrane_engine::plan::{Kind, RunJob, RunOptions, RunReport, Written, kind};
+use terrane_lidar::cloud_tin::CloudTinOptions;
+use terrane_lidar::cloud_tin::plan::PointRun;
+use terrane_lidar::grid::GridOptions;
+use terrane_lidar::grid::plan::CellRun;
+use terrane_lidar::translate::PointsOptions;
+use terrane_lidar::translate::plan::SquareRun;
+use terrane_terrain::tin::{MeshRun, TinOptions};
+use terrane_tiles::{TilesOptions, TilesRun};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
 /// then the mesh, grid, tiles or points are written. Killed, it goes on where it was when it is run again

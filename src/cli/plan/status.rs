@@ -5,17 +5,17 @@ use std::path::PathBuf;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say, text};
 use crate::error::Result;
-use crate::jobs::cloud_tin::CloudTinOptions;
-use crate::jobs::cloud_tin::plan::PointStatus;
-use crate::jobs::grid::GridOptions;
-use crate::jobs::grid::plan::CellStatus;
-use crate::jobs::operation::Divisible;
-use crate::jobs::plan::{Forecast, Kind, StatusReport, kind};
-use crate::jobs::sift::Skipped;
-use crate::jobs::tiles::{TilesOptions, TilesStatus};
-use crate::jobs::tin::{MeshStatus, TinOptions};
-use crate::jobs::translate::PointsOptions;
-use crate::jobs::translate::plan::SquareStatus;
+use terrane_engine::operation::Divisible;
+use terrane_engine::plan::{Forecast, Kind, StatusReport, kind};
+use terrane_engine::sift::Skipped;
+use terrane_lidar::cloud_tin::CloudTinOptions;
+use terrane_lidar::cloud_tin::plan::PointStatus;
+use terrane_lidar::grid::GridOptions;
+use terrane_lidar::grid::plan::CellStatus;
+use terrane_lidar::translate::PointsOptions;
+use terrane_lidar::translate::plan::SquareStatus;
+use terrane_terrain::tin::{MeshStatus, TinOptions};
+use terrane_tiles::{TilesOptions, TilesStatus};
 
 /// Tell which tasks of a plan are done and which are not
 #[derive(Clone, Debug, clap::Args)]

@@ -7,8 +7,8 @@ use crate::cli::shared::say;
 use crate::error::{Error, Result};
 use crate::files::is_made;
 use crate::files::path_of;
-use crate::jobs::Progress;
-use crate::jobs::input::is_mesh;
+use terrane_engine::Progress;
+use terrane_engine::input::is_mesh;
 
 /// Fails when `input` is no grid file, because `option` is about those.
 pub(crate) fn only_grid_files(option: &str, input: &str) -> Result<()> {

@@ -9,9 +9,9 @@ use crate::cli::shared::pipes;
 use crate::error::{Error, ErrorKind, Result, all, is_address};
 use crate::files::is_made;
 use crate::files::{companions, path_of};
-pub(crate) use crate::jobs::outputs::not_among;
-use crate::jobs::outputs::{is_same, place};
 use crate::raster;
+pub(crate) use terrane_engine::outputs::not_among;
+use terrane_engine::outputs::{is_same, place};
 
 /// As [`input`], for each of `inputs`.
 pub(crate) fn inputs(inputs: &[String]) -> Result<()> {

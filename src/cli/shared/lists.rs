@@ -1,9 +1,9 @@
 //! Lists that the help of a verb ends in, taken from the registries.
 
-use crate::jobs::translate::KEPT;
 use crate::parameters::Parameter;
 use crate::{attribute, gridding, line, mesh, methods, raster, synth, vector};
 use terrane_ground::noise;
+use terrane_lidar::translate::KEPT;
 use terrane_options::Table;
 
 /// The last list of verbs that can fail in every way.

@@ -7,11 +7,11 @@ use crate::cloud;
 use crate::error::{Error, Result, all};
 use crate::files::is_made;
 use crate::files::path_of;
-use crate::jobs::Resources;
-use crate::jobs::input::is_mesh;
-use crate::jobs::sift::{self, Sifted, Skipped};
 use crate::raster;
 use crate::vector;
+use terrane_engine::Resources;
+use terrane_engine::input::is_mesh;
+use terrane_engine::sift::{self, Sifted, Skipped};
 
 /// Which of many files are taken.
 #[derive(Clone, Debug, Default, clap::Args)]

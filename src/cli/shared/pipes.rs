@@ -17,9 +17,10 @@ use tempfile::TempDir;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::files::name_of;
-use crate::jobs::{Cancel, Resources};
 use crate::raster::Inputs;
 use crate::vector;
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
 
 /// The name of stdin.
 const STDIN: &str = "-";

@@ -10,7 +10,9 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use crate::cli::shared::{say, text};
-use crate::jobs::{FileAt, Progress, Silent};
+use terrane_engine::FileAt;
+use terrane_engine::Progress;
+use terrane_engine::Silent;
 
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

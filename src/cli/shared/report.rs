@@ -7,9 +7,9 @@ use serde::Serialize;
 use crate::atomic::AtomicFile;
 use crate::cli::shared::{say, system, text};
 use crate::error::{Error, Result};
-use crate::jobs::figures::Figures;
-use crate::jobs::sift::Skipped;
-use crate::jobs::transform::Transformed;
+use terrane_engine::figures::Figures;
+use terrane_engine::sift::Skipped;
+use terrane_engine::transform::Transformed;
 
 /// A report with the files that were left out.
 #[derive(Serialize)]

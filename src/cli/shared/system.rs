@@ -2,7 +2,7 @@
 
 use crate::cli::shared::report::Row;
 use crate::cli::shared::text;
-use crate::jobs::transform::Transformed;
+use terrane_engine::transform::Transformed;
 
 /// What was done to positions, for people.
 pub(crate) fn rows(done: Option<&Transformed>) -> impl Iterator<Item = Row> {

@@ -9,7 +9,7 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::{Outcome, names};
 use crate::door::Door;
 use crate::error::Result;
-use crate::jobs::Cancel;
+use terrane_engine::Cancel;
 
 /// Arguments that can be run.
 pub(crate) trait Verb: clap::Args + 'static {

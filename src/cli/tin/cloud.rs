@@ -2,7 +2,7 @@
 
 use crate::cli::shared::{points, report, text};
 use crate::cli::tin::told::{errors, stages};
-use crate::jobs::cloud_tin::CloudTinReport;
+use terrane_lidar::cloud_tin::CloudTinReport;
 
 /// A made mesh for people.
 pub(crate) fn summary(r: &CloudTinReport) -> String {

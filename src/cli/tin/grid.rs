@@ -2,9 +2,8 @@
 
 use crate::cli::shared::{report, system, text};
 use crate::cli::tin::told::{errors, stages};
-use crate::jobs::options::GREEDY;
-use crate::jobs::tin::TinReport;
 use crate::raster::undeclared_nodata;
+use terrane_terrain::tin::{GREEDY, TinReport};
 
 /// A made mesh for people.
 pub(crate) fn summary(r: &TinReport) -> String {
@@ -70,7 +69,7 @@ fn samples(r: &TinReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::placing::Placed;
+    use terrane_engine::placing::Placed;
 
     #[test]
     fn a_summary_tells_counts_errors_and_time() {

@@ -17,11 +17,12 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names};
 use crate::cli::verify;
 use crate::error::{Error, Result};
-use crate::jobs::cloud_tin::CloudTinOptions;
-use crate::jobs::operation::Has;
-use crate::jobs::options::Replacing;
-use crate::jobs::tin::TinOptions;
-use crate::jobs::verify::{CloudMeshProof, MeshProof, MeshReport, Original, Proof, Written};
+use terrane_engine::operation::Has;
+use terrane_engine::options::Replacing;
+use terrane_engine::proof::{Proof, Written};
+use terrane_lidar::cloud_tin::CloudTinOptions;
+use terrane_terrain::tin::TinOptions;
+use terrane_verify::{CloudMeshProof, MeshProof, MeshReport, Original};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]

@@ -7,9 +7,9 @@ use serde::Serialize;
 use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::verify;
 use crate::error::Result;
-use crate::jobs::sift::Skipped;
-use crate::jobs::tin::StageReport;
-use crate::jobs::verify::{MeshReport, Original};
+use terrane_engine::sift::Skipped;
+use terrane_terrain::tin::StageReport;
+use terrane_verify::{MeshReport, Original};
 
 /// The report of both steps, as one JSON object.
 #[derive(Serialize)]

@@ -2,7 +2,7 @@
 
 use crate::cli::shared::{points, text};
 use crate::cli::verify::told;
-use crate::jobs::verify::{CloudVerifyReport, OfCloud};
+use terrane_verify::{CloudVerifyReport, OfCloud};
 
 /// A proof for people.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {

@@ -3,7 +3,7 @@
 use crate::bound::Bound;
 use crate::cli::shared::text;
 use crate::cli::verify::told;
-use crate::jobs::verify::{BandProof, OfGrid, VerifyReport};
+use terrane_verify::{BandProof, OfGrid, VerifyReport};
 
 /// A proof for people.
 pub(crate) fn summary(r: &VerifyReport) -> String {

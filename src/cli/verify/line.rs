@@ -2,8 +2,8 @@
 
 use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
-use crate::jobs::line::Measure;
-use crate::jobs::verify::LineVerifyReport;
+use terrane_simplify::Measure;
+use terrane_verify::LineVerifyReport;
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &LineVerifyReport) -> String {

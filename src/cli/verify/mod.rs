@@ -22,16 +22,15 @@ use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report
 use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
-use crate::jobs::Cancel;
-use crate::jobs::input::is_mesh;
-use crate::jobs::operation::{Has, read_beside};
-use crate::jobs::options::{CloudInput, GridInput};
-use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tiles::Format;
-use crate::jobs::verify::tiles::is_tiles;
-use crate::jobs::verify::{
-    CloudMeshProof, CloudTilesProof, LineProof, MeshProof, Proof, TilesProof, Written,
-};
+use terrane_engine::Cancel;
+use terrane_engine::input::is_mesh;
+use terrane_engine::operation::{Has, read_beside};
+use terrane_engine::options::{CloudInput, GridInput};
+use terrane_engine::proof::{Proof, Written};
+use terrane_engine::sift::{Sifted, Skipped};
+use terrane_tiles::Format;
+use terrane_verify::tiles::is_tiles;
+use terrane_verify::{CloudMeshProof, CloudTilesProof, LineProof, MeshProof, TilesProof};
 
 /// Prove a mesh against its grid or point cloud, terrain tiles against their grid or cloud, or simplified lines
 /// against their original: error bound, coverage, topology; of lines also features, properties, heights

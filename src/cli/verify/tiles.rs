@@ -2,7 +2,7 @@
 
 use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
-use crate::jobs::verify::tiles::{CheckReport, LevelReport, TilesVerifyReport};
+use terrane_verify::tiles::{CheckReport, LevelReport, TilesVerifyReport};
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &TilesVerifyReport) -> String {

@@ -3,7 +3,8 @@
 use crate::cli::shared::report::{self, Row};
 use crate::cli::shared::{Outcome, say, text};
 use crate::door::Door;
-use crate::jobs::verify::{MeshReport, Original, Verdict};
+use terrane_engine::proof::Verdict;
+use terrane_verify::{MeshReport, Original};
 
 /// Names the broken promises on stderr, and those not judged, for those who asked for no result.
 pub(crate) fn tell(verdict: &Verdict) {

@@ -14,13 +14,13 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, pipes};
 use crate::error::{Error, Result};
 use crate::files::path_of;
-use crate::jobs::Resources;
-use crate::jobs::operation::{Has, Operation};
-use crate::jobs::options::Replacing;
-use crate::jobs::page::{
+use terrane_engine::Resources;
+use terrane_engine::operation::{Has, Operation};
+use terrane_engine::options::Replacing;
+use terrane_viewer::page::{
     CloudPageOptions, LinePageOptions, PageOptions, PageReport, TilesPageOptions, is_tiles,
 };
-use crate::jobs::view::PictureOptions;
+use terrane_viewer::view::PictureOptions;
 
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
 /// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it

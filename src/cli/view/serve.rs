@@ -9,9 +9,9 @@ use crate::cli::shared::verb::Call;
 use crate::cli::shared::{Outcome, report, text};
 use crate::error::{Error, Result};
 use crate::files::folder_for;
-use crate::jobs::page::PageReport;
-use crate::jobs::sift::Skipped;
-use terrane_serve::{Server, Site};
+use terrane_engine::sift::Skipped;
+use terrane_viewer::page::PageReport;
+use terrane_viewer::serve::{Server, Site};
 
 /// What is told once browsers can come.
 #[derive(Serialize)]

@@ -1,8 +1,8 @@
 //! Pictures and pages, for people.
 
 use crate::cli::shared::{points, report, text};
-use crate::jobs::page::PageReport;
-use crate::jobs::view::ViewReport;
+use terrane_viewer::page::PageReport;
+use terrane_viewer::view::ViewReport;
 
 /// A picture.
 pub(crate) fn summary(r: &ViewReport) -> String {

@@ -7,10 +7,12 @@ use std::path::Path;
 use terrane::Result;
 use terrane_base::geom::plane::orient;
 use terrane_base::geom::{Affine, Rect};
-use terrane_jobs::contour::{ContourJob, ContourOptions, ContourReport, run, trace};
-use terrane_jobs::line::Length;
-use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::Silent;
 use terrane_raster::{GridInfo, GridSource, SampleType};
+use terrane_simplify::Length;
+use terrane_terrain::contour::{ContourJob, ContourOptions, ContourReport, run, trace};
 use terrane_vector::{self as vector, Value};
 
 /// A grid in memory.

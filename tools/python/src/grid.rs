@@ -6,6 +6,7 @@ use numpy::{Element, PyArray1, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use terrane::prelude::*;
 use terrane::{Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TinOptions};
 use terrane_base::door::Door;
 use terrane_base::geom::wkt;

@@ -1,6 +1,7 @@
 //! Plans in folders.
 
 use std::path::PathBuf;
+use terrane::prelude::*;
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -16,7 +17,7 @@ pub(crate) struct Plan(pub(crate) terrane::Plan);
 impl Plan {
     #[staticmethod]
     fn open(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
-        told(py, py.detach(|| terrane::Plan::open(folder))).map(Self)
+        told(py, py.detach(|| terrane::open_plan(folder))).map(Self)
     }
 
     #[getter]

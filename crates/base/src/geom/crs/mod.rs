@@ -108,6 +108,19 @@ impl Crs {
         }
     }
 
+    /// The same for reports: "units" when unknown.
+    pub fn horizontal_units(&self) -> &'static str {
+        match self.horizontal_unit() {
+            "unit" => "units",
+            unit => unit,
+        }
+    }
+
+    /// Unit of z by the name that it was given; `None` where it has none.
+    pub fn heights_unit(&self) -> Option<&str> {
+        self.vertical_unit.as_deref().map(str::trim).filter(|unit| !unit.is_empty())
+    }
+
     /// Metres in one unit of x and y; `None` for degrees, and where nothing is known of it.
     pub fn horizontal_metres(&self) -> Option<f64> {
         match self.across()? {
@@ -118,7 +131,7 @@ impl Crs {
 
     /// Metres in one unit of z; `None` where nothing is known of it.
     pub fn vertical_metres(&self) -> Option<f64> {
-        let name = self.vertical_unit.as_deref().map(str::trim).filter(|name| !name.is_empty());
+        let name = self.heights_unit();
         if let Some(known) = name.and_then(Unit::named) {
             return Some(known.size);
         }

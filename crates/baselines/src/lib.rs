@@ -1,0 +1,47 @@
+//! Grid to TIN by the methods of the textbooks, with the whole grid in memory. Pure.
+//!
+//! What they are for is comparison: each is written to be read, none to be fast, and they share no line with
+//! the engine's kernel. Every mesh is conforming (no vertex lies within an edge), covers the surface and
+//! nothing else (the union of cells with four valid samples), and has samples as vertices. Errors are decided
+//! without rounding.
+//!
+//! ```
+//! use terrane_baselines::{Goal, Grid, METHODS, Task};
+//!
+//! let heights: Vec<f64> = (0..20 * 20).map(|i| f64::from((i % 20) * (i / 20) % 7)).collect();
+//! let grid = Grid::new(20, 20, &heights, None)?;
+//! for method in METHODS {
+//!     let tin = (method.run)(&Task::new(grid, Goal::MaxError(1.5)))?;
+//!     assert!(tin.max_error <= 1.5, "{}: {} vertices", method.name, tin.vertices.len());
+//! }
+//! # Ok::<(), terrane_base::Error>(())
+//! ```
+
+mod candidate;
+mod channels;
+mod collapse;
+mod drop;
+mod exact;
+mod greedy;
+mod grid;
+mod kdtree;
+mod mesh;
+mod plane;
+mod registry;
+mod result;
+mod rtin;
+mod star;
+mod surface;
+mod task;
+#[cfg(test)]
+mod tests;
+mod triangulation;
+mod vip;
+
+pub use channels::{Channels, Drawn, Measured, join_voids};
+pub use grid::{Grid, MOST_SIDE, Sample, check_sides};
+pub use registry::{METHODS, Method, Promise};
+pub use result::Tin;
+pub use surface::Census;
+pub use task::{Goal, Task};
+pub use triangulation::Triangulation;

@@ -1,0 +1,40 @@
+//! How far apart the points of a cloud are, by what its headers tell.
+
+use terrane_base::geom::Point;
+
+use crate::CloudInfo;
+
+/// Points that a cell has, on the average of the box around all.
+const POINTS_OF_CELL: f64 = 4.0;
+
+/// A round size of cells with some points on the average of the box around all: twice their spacing, or more.
+pub fn round_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
+    let [west, south, _] = info.frame.world(low);
+    let [east, north, _] = info.frame.world(high);
+    let area = (east - west) * (north - south);
+    let by_density = (area * POINTS_OF_CELL / info.count.max(1) as f64).sqrt();
+    round_up(by_density.max(info.frame.scale[0]).max(info.frame.scale[1]))
+}
+
+/// The next of 1, 2, 5, 10, and so on.
+pub fn round_up(least: f64) -> f64 {
+    let power = least.log10().floor() as i32;
+    let sizes = [1.0, 2.0, 5.0, 10.0].map(|k| match power {
+        0.. => k * 10f64.powi(power),
+        _ => k / 10f64.powi(-power),
+    });
+    sizes.into_iter().find(|size| *size >= least).unwrap_or(sizes[3])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::round_up;
+
+    #[test]
+    fn sizes_are_round() {
+        assert_eq!(
+            [0.3, 1.0, 1.01, 34.0, 0.02, 700.0].map(round_up),
+            [0.5, 1.0, 2.0, 50.0, 0.02, 1000.0]
+        );
+    }
+}

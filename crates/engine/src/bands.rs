@@ -1,0 +1,275 @@
+//! Several bands of one grid: which, how much an error in each counts, and the grids that they are.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_mesh::{ChannelKind, HeightBand, MaxError, Promises};
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
+
+/// Bands that a mesh keeps, each with a weight. Every sample that is void in one of them is void.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bands {
+    /// At least one.
+    list: Vec<(u32, f64)>,
+    /// The band whose values are heights; without one all vertices are at 0.
+    heights: Option<u32>,
+}
+
+/// What became of a band.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BandReport {
+    /// Its number, from 1.
+    pub band: u32,
+    /// What errors in it were multiplied by.
+    pub weight: f64,
+    /// The largest difference between it and the mesh, not multiplied.
+    pub max_error: Option<f64>,
+    /// Root mean square of these differences.
+    pub rmse: Option<f64>,
+}
+
+impl Bands {
+    /// Bands by number, from 1; no weights are weights of 1.
+    ///
+    /// # Errors
+    /// Usage: no band, one twice or of number 0, not as many weights as bands, a weight that is not finite and
+    /// above 0, heights of a band that is not among them.
+    pub fn new(bands: &[u32], weights: &[f64], heights: Option<u32>) -> Result<Self> {
+        let label = label(bands);
+        if bands.is_empty() || bands.contains(&0) {
+            return Err(Error::usage(format!("\"{label}\" are no bands"))
+                .remedy("give numbers from 1, such as ‹bands› 1,2,3"));
+        }
+        let twice = bands.iter().enumerate().find(|(place, band)| bands[..*place].contains(band));
+        if let Some((_, band)) = twice {
+            return Err(Error::usage(format!("band {band} is there twice in ‹bands› {label}"))
+                .remedy("name each band once; ‹weights› tells what counts more"));
+        }
+        if !weights.is_empty() && weights.len() != bands.len() {
+            let (given, needed) = (weights.len(), bands.len());
+            return Err(Error::usage(format!("‹weights› has {given} weights for {needed} bands"))
+                .remedy("give one for each band of ‹bands›, or none"));
+        }
+        if let Some(weight) = weights.iter().find(|w| !(w.is_normal() && **w > 0.0)) {
+            return Err(Error::usage(format!("{weight} is no weight of a band"))
+                .remedy("give finite numbers above 0 to ‹weights›; leave a band out of ‹bands›"));
+        }
+        if let Some(band) = heights.filter(|band| !bands.contains(band)) {
+            let message =
+                format!("‹band› {band} is to be the heights, and not among ‹bands› {label}");
+            return Err(Error::usage(message)
+                .remedy(format!("add {band} to ‹bands›, or leave ‹band› out for heights of 0")));
+        }
+        let weights = weights.iter().copied().chain(std::iter::repeat(1.0));
+        Ok(Self { list: bands.iter().copied().zip(weights).collect(), heights })
+    }
+
+    /// Numbers and weights, in the order given.
+    pub fn list(&self) -> &[(u32, f64)] {
+        &self.list
+    }
+
+    /// The band whose values are heights.
+    pub fn heights(&self) -> Option<u32> {
+        self.heights
+    }
+
+    /// The numbers as they are given: "1,2,3".
+    pub fn label(&self) -> String {
+        label(&self.list.iter().map(|(band, _)| *band).collect::<Vec<_>>())
+    }
+
+    /// Makes a mesh promise them; their tolerance has no unit.
+    pub fn promise(&self, promises: &mut Promises, tolerance: f64) {
+        let (bands, weights) = self.list.iter().copied().unzip();
+        promises.max_error = Some(MaxError { value: tolerance, unit: None });
+        promises.bands = Some(bands);
+        promises.weights = Some(weights);
+        promises.heights = Some(self.heights.map_or(HeightBand::None, HeightBand::Band));
+    }
+
+    /// How to open one of them.
+    pub fn options(band: u32, options: &OpenOptions) -> OpenOptions {
+        OpenOptions { band, colours: true, ..options.clone() }
+    }
+
+    /// Fails when the grid does not have all of them.
+    pub fn check(&self, info: &GridInfo) -> Result<()> {
+        match self.list.iter().find(|(band, _)| *band > info.bands) {
+            None => Ok(()),
+            Some((band, _)) => Err(out_of_range(*band, info.bands)),
+        }
+    }
+
+    /// All of them as grids that are void wherever one is, for `open` to open by their numbers.
+    pub fn open(&self, inputs: &Inputs, options: &OpenOptions) -> Result<Joined> {
+        // Band 1 is always there, and tells how many there are.
+        let cache_bytes = options.cache_bytes / self.list.len();
+        let options = OpenOptions { cache_bytes, ..options.clone() };
+        let open = |band| raster::open_all(inputs.names(), &Self::options(band, &options));
+        self.check(open(1)?.info())?;
+        let all = self.list.iter().map(|(band, _)| open(*band)).collect::<Result<Vec<_>>>()?;
+        let first = all[0].info();
+        for info in all.iter().map(|band| band.info()) {
+            if (info.width, info.height, info.transform)
+                != (first.width, first.height, first.transform)
+            {
+                let message =
+                    format!("bands {} and {} differ in size or place", first.band, info.band);
+                return Err(Error::unsupported(message).remedy("name bands of one lattice"));
+            }
+        }
+        Ok(Joined(all.into()))
+    }
+}
+
+/// Numbers as they are given: "1,2,3".
+pub fn label(bands: &[u32]) -> String {
+    bands.iter().map(u32::to_string).collect::<Vec<_>>().join(",")
+}
+
+fn out_of_range(band: u32, bands: u32) -> Error {
+    let (noun, remedy) = match bands {
+        1 => ("band", "leave out ‹bands›".to_owned()),
+        _ => ("bands", format!("name bands from 1 to {bands} with ‹bands›")),
+    };
+    Error::usage(format!("band {band} is out of range: the file has {bands} {noun}")).remedy(remedy)
+}
+
+/// How the values of a band are stored at vertices, as far as its type tells.
+pub fn kind_of(info: &GridInfo) -> ChannelKind {
+    match info.sample_type {
+        SampleType::U8 if info.exact_in_f32() => ChannelKind::Byte,
+        _ if info.exact_in_f32() => ChannelKind::Single,
+        _ => ChannelKind::Double,
+    }
+}
+
+/// The bands of a grid.
+pub struct Joined(Arc<[Box<dyn GridSource>]>);
+
+impl Joined {
+    /// A band alone.
+    pub fn of(band: Box<dyn GridSource>) -> Self {
+        Self(Arc::new([band]))
+    }
+
+    /// The band in this place, void wherever another is.
+    pub fn band(&self, place: usize) -> Box<dyn GridSource> {
+        let info = self.0[place].info().clone();
+        Box::new(One { info, all: self.0.clone(), place, is_flat: false })
+    }
+
+    /// The same samples, with 0 wherever all bands are valid.
+    pub fn flat(&self) -> Box<dyn GridSource> {
+        let info = self.0[0].info().clone();
+        Box::new(One { info, all: self.0.clone(), place: 0, is_flat: true })
+    }
+}
+
+/// A band among others.
+struct One {
+    info: GridInfo,
+    all: Arc<[Box<dyn GridSource>]>,
+    place: usize,
+    is_flat: bool,
+}
+
+impl GridSource for One {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        let mut exact = vec![0.0; out.len()];
+        self.read_f64(rect, &mut exact)?;
+        out.iter_mut().zip(exact).for_each(|(out, value)| *out = value as f32);
+        Ok(())
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.all[self.place].read_f64(rect, out)?;
+        if self.is_flat {
+            out.iter_mut().filter(|value| !value.is_nan()).for_each(|value| *value = 0.0);
+        }
+        let mut other = vec![0.0; out.len()];
+        for band in self.all.iter().enumerate().filter(|(at, _)| *at != self.place).map(|(_, b)| b)
+        {
+            band.read_f64(rect, &mut other)?;
+            let voids = out.iter_mut().zip(&other).filter(|(_, other)| other.is_nan());
+            voids.for_each(|(value, _)| *value = f64::NAN);
+        }
+        Ok(())
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.all.iter().map(|band| band.block_bytes()).sum()
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.all[self.place].members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.all.iter().for_each(|band| band.release(rect));
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.all.iter().for_each(|band| band.copied(rect));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::error::ErrorKind;
+
+    #[test]
+    fn what_makes_no_sense_is_refused_by_name() {
+        let refused = |bands: &[u32], weights: &[f64], heights, words: &[&str]| {
+            let error = Bands::new(bands, weights, heights).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Usage);
+            let text = error.to_string();
+            assert!(words.iter().all(|word| text.contains(word)), "{words:?} in {text}");
+        };
+        refused(&[], &[], None, &["no bands"]);
+        refused(&[1, 0], &[], None, &["\"1,0\""]);
+        refused(&[1, 2, 1], &[], None, &["band 1 is there twice", "‹weights›"]);
+        refused(&[1, 2], &[1.0], None, &["1 weights for 2 bands"]);
+        for weight in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            refused(&[1, 2], &[1.0, weight], None, &["no weight", "above 0"]);
+        }
+        refused(&[1, 2], &[], Some(4), &["‹band› 4", "‹bands› 1,2", "add 4"]);
+        let info = GridInfo { bands: 3, ..GridInfo::plain("test", 2, 2, SampleType::U8) };
+        let error = Bands::new(&[3, 4], &[], None).unwrap().check(&info).unwrap_err().to_string();
+        assert!(
+            error.contains("band 4 is out of range: the file has 3 bands; name bands from 1 to 3")
+        );
+    }
+
+    #[test]
+    fn meshes_state_bands_weights_and_heights() {
+        let stated = |weights: &[f64], heights| {
+            let mut promises = Promises::default();
+            Bands::new(&[3, 1], weights, heights).unwrap().promise(&mut promises, 2.5);
+            promises.to_lines().join("; ")
+        };
+        assert_eq!(stated(&[], None), "max error 2.5; bands 3,1; weights 1,1; heights none");
+        let weighted = "max error 2.5; bands 3,1; weights 0.5,2; heights band 1";
+        assert_eq!(stated(&[0.5, 2.0], Some(1)), weighted);
+    }
+
+    #[test]
+    fn bytes_are_told_by_type_and_scale() {
+        let info =
+            |sample_type, scale| GridInfo { scale, ..GridInfo::plain("test", 2, 2, sample_type) };
+        assert_eq!(kind_of(&info(SampleType::U8, 1.0)), ChannelKind::Byte);
+        assert_eq!(kind_of(&info(SampleType::U8, 0.1)), ChannelKind::Double);
+        assert_eq!(kind_of(&info(SampleType::I16, 1.0)), ChannelKind::Single);
+        assert_eq!(kind_of(&info(SampleType::F64, 1.0)), ChannelKind::Double);
+    }
+}

@@ -1,0 +1,124 @@
+//! Breaklines on a grid: segments from sample to sample that edges follow.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Ends, Paths, Segment, cut};
+
+/// What a worker lists of a segment: which steps of its path lie in a tile.
+type Part = (Segment, [u64; 2]);
+
+/// Segments that edges of a mesh follow.
+#[derive(Clone, Debug, Default)]
+pub struct Breaklines {
+    paths: Paths,
+    path: Option<PathBuf>,
+    asked: u64,
+    outside: u64,
+}
+
+impl Breaklines {
+    /// None.
+    pub const NONE: Self = Self { paths: Paths::NONE, path: None, asked: 0, outside: 0 };
+
+    /// Those of lines through positions on the lattice of a grid of `size` columns and rows, each of which ends at
+    /// one of `ends`. An end of a segment is the sample nearest to where the segment is, or enters the grid.
+    ///
+    /// # Errors
+    /// No line on the grid.
+    pub fn on(at: &[[f64; 2]], ends: &[u32], size: [u32; 2], path: PathBuf) -> Result<Self> {
+        let starts = std::iter::once(0).chain(ends.iter().map(|&end| end as usize));
+        let lines = starts.zip(ends).map(|(start, &end)| &at[start..end as usize]);
+        let (mut segments, mut asked) = (Vec::new(), 0);
+        for pair in lines.flat_map(|line| line.windows(2)) {
+            asked += 1;
+            segments.extend(cut([pair[0], pair[1]], size));
+        }
+        let outside = asked - segments.len() as u64;
+        if segments.is_empty() {
+            return Err(Error::bad_input("no line of this file lies on the grid")
+                .in_file(&path)
+                .remedy("choose lines on the grid (terrane info tells the bounds of both)"));
+        }
+        Ok(Self { path: Some(path), asked, outside, ..Self::of(segments) })
+    }
+
+    /// These, and the sides of the water of a file.
+    pub fn and_banks(self, banks: Vec<Ends>, water: &Path) -> Self {
+        let (asked, outside) = (self.asked + banks.len() as u64, self.outside);
+        let path = match self.path {
+            Some(path) => PathBuf::from(format!("{} and {}", path.display(), water.display())),
+            None => water.to_path_buf(),
+        };
+        Self { paths: self.paths.and(banks), path: Some(path), asked, outside }
+    }
+
+    /// These, in any order and either direction.
+    pub fn of(segments: Vec<Ends>) -> Self {
+        Self { asked: segments.len() as u64, paths: Paths::of(segments), ..Self::default() }
+    }
+
+    /// The paths of all of them.
+    pub fn paths(&self) -> &Paths {
+        &self.paths
+    }
+
+    /// Most bytes of those of lines with so many vertices, with what a worker lists of them.
+    pub fn most_bytes(vertices: usize) -> u64 {
+        (vertices * (size_of::<Ends>() + size_of::<Segment>() + size_of::<Part>())) as u64
+    }
+
+    /// About how many vertices they have, and hardly more, in a mesh that has so many of so many samples without
+    /// them (measured: 1.8 for each that a line of its length would meet, and those at the ends).
+    pub fn vertices_in(&self, vertices: u64, samples: u64) -> u64 {
+        let density = vertices as f64 / samples.max(1) as f64;
+        let met = 2.0 * self.paths.steps() as f64 * density.sqrt();
+        let most = 2 * self.paths.count() as u64 + met as u64;
+        most.min(samples - vertices.min(samples))
+    }
+
+    /// What a report says; `None` where no lines were asked for.
+    pub fn report(&self, apart: u64) -> Option<BreaklinesReport> {
+        (self.asked > 0).then(|| BreaklinesReport {
+            file: self.path.as_deref().map_or_else(String::new, |path| path.display().to_string()),
+            segments: self.asked,
+            outside: self.outside,
+            apart,
+        })
+    }
+}
+
+/// What became of breaklines.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BreaklinesReport {
+    /// The file they are in.
+    pub file: String,
+    /// Segments of its lines and rings.
+    pub segments: u64,
+    /// Those that lie beyond the grid.
+    pub outside: u64,
+    /// Vertices from which a line should go on along an edge, and does not.
+    pub apart: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::Rect;
+
+    #[test]
+    fn what_lies_outside_is_counted_and_all_of_it_refused() {
+        let at = [[0.0, 0.0], [5.0, 0.0], [50.0, 0.0], [60.0, 0.0], [1.0, 1.0], [2.0, 2.0]];
+        let lines = Breaklines::on(&at, &[4, 6], [11, 6], "a.wkt".into()).unwrap();
+        let told = lines.report(3).unwrap();
+        assert_eq!((told.segments, told.outside, told.apart), (4, 1, 3));
+        let all: Vec<_> = lines.paths().near(Rect::new(0, 0, 11, 6)).collect();
+        let expected = [[[0, 0], [5, 0]], [[5, 0], [10, 0]], [[1, 1], [2, 2]]];
+        assert_eq!(all, expected.map(|[a, b]| Segment::new(a, b)));
+        let error = Breaklines::on(&at[2..4], &[2], [11, 6], "a.wkt".into()).unwrap_err();
+        assert!(error.to_string().contains("no line of this file"), "{error}");
+        assert_eq!(Breaklines::NONE.report(0), None);
+    }
+}

@@ -1,0 +1,161 @@
+//! The heights of a geoid from a file: GTX, or a GeoTIFF as PROJ has them (Geodetic TIFF grids), whose samples lie at the
+//! middles of its pixels and are the heights there.
+
+use std::path::Path;
+
+use crate::Resources;
+use crate::transform::{self, SHARE};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Rect};
+use terrane_base::limits;
+use terrane_crs::{Geoid, MAX_GRID_BYTES};
+use terrane_files::RawFile;
+use terrane_raster::{FORMATS, GridInfo, GridSource, OpenOptions, SampleType};
+
+/// What geodetic grids are called that are geoids.
+const KIND: &str = "VERTICAL_OFFSET_GEOGRAPHIC_TO_VERTICAL";
+
+/// The heights of a geoid, of a file that takes a small part of the memory.
+///
+/// # Errors
+/// A file that cannot be read, is no geoid above the ellipsoid by longitudes and latitudes in metres, or is too large.
+pub fn read(path: &Path, resources: &Resources) -> Result<Geoid> {
+    let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
+    let head = file.head(64)?;
+    let is_tiff = FORMATS.iter().any(|format| format.name == "GeoTIFF" && (format.sniff)(&head));
+    let geoid = if is_tiff {
+        of_tiff(path, resources)
+    } else {
+        Geoid::of_gtx(&transform::read(path, resources)?)
+    };
+    geoid.map_err(|e| e.in_file(path))
+}
+
+fn of_tiff(path: &Path, resources: &Resources) -> Result<Geoid> {
+    let options = OpenOptions {
+        cache_bytes: usize::try_from(resources.memory / SHARE).unwrap_or(usize::MAX),
+        temp_dir: resources.temp_dir.clone(),
+        ..OpenOptions::default()
+    };
+    let grid = terrane_raster::open(&terrane_files::name_of(path.to_owned())?, &options)?;
+    let info = grid.info();
+    check_kind(info)?;
+    check_place(info)?;
+    let bytes = u64::from(info.width) * u64::from(info.height) * size_of::<f32>() as u64;
+    limits::check("the number of bytes of the geoid", bytes, MAX_GRID_BYTES)
+        .map_err(|e| e.remedy("cut out what is needed: gdal_translate -projwin"))?;
+    transform::check_room(bytes, resources.memory)?;
+    let mut heights = vec![0.0; (bytes as usize) / size_of::<f32>()];
+    read_rows(&*grid, &mut heights)?;
+    let [columns, rows] = [info.width, info.height];
+    let map = info.transform;
+    if map.e < 0.0 {
+        turn_over(&mut heights, columns as usize);
+    }
+    let south = map.y0 + map.e.min(0.0) * f64::from(rows.max(1) - 1);
+    Geoid::new([map.x0, south], [map.a, map.e.abs()], [columns, rows], heights)
+}
+
+/// As many rows at a time as blocks have, so that each of these is decoded once.
+fn read_rows(grid: &dyn GridSource, heights: &mut [f32]) -> Result<()> {
+    let info = grid.info();
+    let mut row = 0;
+    while row < info.height {
+        let part = Rect::new(0, row, info.width, info.block.1.clamp(1, info.height - row));
+        let first = row as usize * info.width as usize;
+        grid.read_f32(part, &mut heights[first..][..part.len()])?;
+        grid.release(part);
+        row += part.height;
+    }
+    Ok(())
+}
+
+/// The last row first.
+fn turn_over(heights: &mut [f32], columns: usize) {
+    let half = heights.len() / columns / 2 * columns;
+    let (above, below) = heights.split_at_mut(half);
+    for (high, low) in above.chunks_exact_mut(columns).zip(below.rchunks_exact_mut(columns)) {
+        high.swap_with_slice(low);
+    }
+}
+
+/// Fails on what has other values than heights of a geoid in metres.
+fn check_kind(info: &GridInfo) -> Result<()> {
+    let detail = |name: &str| {
+        info.details.iter().find(|(own, _)| own == name).map(|(_, text)| text.as_str())
+    };
+    let refuse = |what: String| {
+        Err(Error::unsupported(what)
+            .remedy("give heights of a geoid above the ellipsoid in metres"))
+    };
+    match detail("grid type") {
+        Some(KIND) => {}
+        Some(other) => return refuse(format!("is a geodetic grid of another kind: {other}")),
+        None if info.bands != 1 => {
+            return refuse(format!(
+                "has {} bands, and does not say that the first is a geoid",
+                info.bands
+            ));
+        }
+        None => {}
+    }
+    if let SampleType::U8 | SampleType::I8 | SampleType::F16 = info.sample_type {
+        return refuse(format!(
+            "holds samples of {}, which are too coarse for a geoid",
+            info.sample_type.name()
+        ));
+    }
+    let unit = info.crs.vertical_unit.as_deref();
+    if unit.is_some() && info.crs.vertical_metres() != Some(1.0) {
+        return refuse(format!(
+            "has heights in another unit than metres: {}",
+            unit.unwrap_or_default()
+        ));
+    }
+    Ok(())
+}
+
+/// Fails on samples that do not lie along meridians and parallels, by degrees from Greenwich on.
+fn check_place(info: &GridInfo) -> Result<()> {
+    let (crs, map) = (&info.crs, info.transform);
+    let remedy = "give a grid of longitudes and latitudes: gdalwarp -t_srs EPSG:4326";
+    if !info.georeferenced || !crs.is_named() {
+        return Err(Error::bad_input("does not say where on the globe it lies")
+            .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
+    }
+    if !counts_degrees(crs) {
+        let message = format!(
+            "is in {}, not by longitudes and latitudes in degrees from Greenwich on",
+            crs.label()
+        );
+        return Err(Error::unsupported(message).remedy(remedy));
+    }
+    if map.b != 0.0 || map.d != 0.0 || map.a <= 0.0 {
+        let message = "has columns that are no meridians from the west to the east";
+        return Err(Error::unsupported(message).remedy(remedy));
+    }
+    Ok(())
+}
+
+fn counts_degrees(crs: &Crs) -> bool {
+    let is_plain = |proj: &str| proj.contains("+proj=longlat") && !proj.contains("+pm=");
+    crs.geographic == Some(true) && crs.conversion().is_ok_and(|found| is_plain(&found.proj))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_turned_over_whatever_their_number() {
+        for (rows, turned) in [
+            (1, vec![0.0, 1.0]),
+            (2, vec![2.0, 3.0, 0.0, 1.0]),
+            (3, vec![4.0, 5.0, 2.0, 3.0, 0.0, 1.0]),
+        ] {
+            let mut heights: Vec<f32> = (0..2 * rows).map(|height| height as f32).collect();
+            turn_over(&mut heights, 2);
+            assert_eq!(heights, turned);
+        }
+    }
+}

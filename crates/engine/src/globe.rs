@@ -1,0 +1,235 @@
+//! Where the samples of a grid are on the globe, and how high.
+
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+use crate::Resources;
+use crate::geoid;
+use crate::transform::extent_of;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs, Heights};
+use terrane_crs::{Geoid, Operation};
+use terrane_raster::GridInfo;
+
+/// Systems of longitudes and latitudes that are WGS 84, and those that are within a metre or two of it.
+const SAME: [u32; 2] = [4326, 4979];
+const NEAR: [(u32, &str); 6] = [
+    (4258, "ETRS89"),
+    (4269, "NAD83"),
+    (4283, "GDA94"),
+    (7844, "GDA2020"),
+    (4167, "NZGD2000"),
+    (6668, "JGD2011"),
+];
+
+/// Where the samples of a grid are on the globe.
+pub enum OnGlobe {
+    /// Columns are meridians and rows parallels: the map to longitudes and latitudes.
+    Straight(Affine),
+    /// The map to positions, and what brings these to longitudes and latitudes.
+    Moved(Affine, Box<Operation>),
+}
+
+impl OnGlobe {
+    /// Of a grid, and what is to be said of it.
+    ///
+    /// # Errors
+    /// A grid whose place on the globe is not known, or that reaches beyond a pole or 180 degrees.
+    pub fn of(info: &GridInfo) -> Result<(Self, Vec<String>)> {
+        let crs = &info.crs;
+        if !info.georeferenced || crs.is_unknown() {
+            return Err(Error::bad_input("does not say where on the globe it lies")
+                .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
+        }
+        info.check_cells()?;
+        let mut notes = Vec::new();
+        let is_turned = info.transform.b != 0.0 || info.transform.d != 0.0;
+        if crs.geographic == Some(true) && !is_turned && is_near(crs, &mut notes) {
+            let whole = [info.width, info.height];
+            let map = into_world(info.transform, whole);
+            return check_world(&map, whole).map(|()| (Self::Straight(map), notes));
+        }
+        check_body(crs)?;
+        let operation = Operation::to_wgs84(crs, Some(extent_of(info))).map_err(|error| {
+            // Of a system that is known nowhere no part is, either.
+            error.remedy(match Operation::to_wgs84(crs, None) {
+                Ok(_) => "take a part of it, or transform it first: gdalwarp -t_srs EPSG:4326",
+                Err(_) => {
+                    "give it the system that it is in (gdal_edit.py -a_srs), or transform it \
+                     first: gdalwarp -t_srs EPSG:4326"
+                }
+            })
+        })?;
+        notes.push(match operation.accuracy() {
+            Some(0.0) => format!("samples are brought from {} to WGS 84", crs.label()),
+            Some(metres) => {
+                let (name, label) = (operation.name(), crs.label());
+                format!("samples are brought from {label} to WGS 84 by {name}, which is right to {metres} m")
+            }
+            None => format!("samples are brought from {} to WGS 84 by {}", crs.label(), operation.name()),
+        });
+        notes.extend_from_slice(operation.notes());
+        Ok((Self::Moved(info.transform, Box::new(operation)), notes))
+    }
+}
+
+/// Fails for a system of another body than the earth.
+fn check_body(crs: &Crs) -> Result<()> {
+    /// The radii of all ellipsoids of the earth that are in use, in metres.
+    const EARTH: RangeInclusive<f64> = 6.35e6..=6.40e6;
+    let Ok(conversion) = crs.conversion() else { return Ok(()) };
+    let axis = conversion.datum.axis;
+    if EARTH.contains(&axis) {
+        return Ok(());
+    }
+    let (name, label) = (conversion.datum.name.replace('_', " "), crs.label());
+    let message = format!("is not on the earth: the radius of {label} (datum {name}) is {axis} m");
+    Err(Error::unsupported(message)
+        .remedy("tiles are of the globe WGS 84; make a mesh of it: ‹terrane tin›"))
+}
+
+/// What brings the heights of a grid to metres above the ellipsoid.
+#[derive(Clone, Debug)]
+pub struct Lift {
+    /// Metres in a unit, less than none where heights are counted downwards.
+    pub metres: f64,
+    geoid: Option<Arc<Geoid>>,
+}
+
+impl Lift {
+    /// Of the heights of a system, with the file of a geoid where they are counted from one; and whether the system
+    /// says what they are in.
+    ///
+    /// # Errors
+    /// A geoid that cannot be read, or is of no use, as heights are counted from the ellipsoid already.
+    pub fn of(crs: &Crs, geoid: Option<&str>, resources: &Resources) -> Result<(Self, bool)> {
+        let unit = crs.vertical_metres();
+        let heights = crs.heights();
+        let metres = match heights {
+            Heights::Above { is_down: true, .. } => -unit.unwrap_or(1.0),
+            _ => unit.unwrap_or(1.0),
+        };
+        let read = |name: &str| {
+            let path = &*terrane_files::path_of(name);
+            if heights == Heights::Ellipsoidal {
+                return Err(Error::usage(
+                    "the heights of the grid are counted from the ellipsoid already",
+                )
+                .in_file(path)
+                .remedy("leave ‹geoid› out"));
+            }
+            geoid::read(path, resources).map(Arc::new)
+        };
+        let geoid = geoid.map(read).transpose()?;
+        Ok((Self { metres, geoid }, unit.is_some()))
+    }
+
+    /// Whether a geoid is added.
+    pub fn has_geoid(&self) -> bool {
+        self.geoid.is_some()
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> u64 {
+        self.geoid.as_ref().map_or(0, |geoid| geoid.bytes())
+    }
+
+    /// Lifts heights, whose places are told by number; voids stay.
+    ///
+    /// # Errors
+    /// A place that the geoid is not known at.
+    pub fn lift(
+        &self,
+        heights: &mut [f64],
+        place: impl Fn(usize) -> Result<[f64; 2]>,
+    ) -> Result<()> {
+        if self.metres != 1.0 {
+            heights.iter_mut().for_each(|height| *height *= self.metres);
+        }
+        let Some(geoid) = &self.geoid else { return Ok(()) };
+        for (number, height) in heights.iter_mut().enumerate().filter(|(_, z)| z.is_finite()) {
+            *height += geoid.height(place(number)?)?;
+        }
+        Ok(())
+    }
+}
+
+/// Whether longitudes and latitudes are those of WGS 84, or nearly.
+fn is_near(crs: &Crs, notes: &mut Vec<String>) -> bool {
+    let known = |code: u32| Crs { epsg: Some(code), geographic: Some(true), ..Crs::default() };
+    let is_one = |code: u32| crs.epsg == Some(code) || crs.agrees(&known(code));
+    if SAME.into_iter().any(is_one) {
+        return true;
+    }
+    let near = NEAR.into_iter().find(|(code, _)| is_one(*code));
+    if let Some((_, name)) = near {
+        notes
+            .push(format!("{name} is taken for WGS 84, from which it differs by up to two metres"));
+    }
+    near.is_some()
+}
+
+fn check_world(map: &Affine, whole: [u32; 2]) -> Result<()> {
+    let ends = [map.apply(0.0, 0.0), map.apply(f64::from(whole[0] - 1), f64::from(whole[1] - 1))];
+    let side = |axis: usize| [ends[0][axis].min(ends[1][axis]), ends[0][axis].max(ends[1][axis])];
+    let ([west, east], [south, north]) = (side(0), side(1));
+    // What is no number is nowhere.
+    if west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0 {
+        return Ok(());
+    }
+    let reach = format!("reaches from {west}, {south} to {east}, {north} degrees");
+    Err(Error::bad_input(format!("{reach}, beyond 180 degrees or a pole")).remedy(
+        "cut it at 180 degrees, and move what is beyond by 360 (gdal_translate -projwin, -a_ullr)",
+    ))
+}
+
+/// Degrees by which samples may be beyond the world: rounding.
+const HAIR: f64 = 1e-9;
+
+/// A map to longitudes and latitudes, of a grid that is not turned, with ends that are a hair beyond 180 degrees or
+/// a pole on it.
+pub fn into_world(map: Affine, [width, height]: [u32; 2]) -> Affine {
+    let last = |samples: u32| f64::from(samples.saturating_sub(1));
+    let [x0, a] = within([map.x0, map.a], last(width), 180.0);
+    let [y0, e] = within([map.y0, map.e], last(height), 90.0);
+    Affine { x0, a, y0, e, ..map }
+}
+
+/// Where an axis begins, and its step.
+fn within([start, step]: [f64; 2], last: f64, most: f64) -> [f64; 2] {
+    let ends = [start, start + step * last];
+    let back = |end: f64| if end.abs() - most < HAIR { end.clamp(-most, most) } else { end };
+    let [from, to] = ends.map(back);
+    if [from, to] == ends || last == 0.0 {
+        return [from, step];
+    }
+    let mut step = (to - from) / last;
+    // The step is rounded, too.
+    while to.abs() == most && (from + step * last).abs() > most {
+        step = if step > 0.0 { step.next_down() } else { step.next_up() };
+    }
+    [from, step]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_a_hair_beyond_the_world_is_on_its_border() {
+        for (start, samples, most) in [(-180.0, 1081_u32, 180.0), (90.0, 541, 90.0)] {
+            let last = f64::from(samples - 1);
+            for off in [-1e-13, 0.0, 1e-13, 7e-13] {
+                let step = -2.0 * start / last + off;
+                let [from, found] = within([start, step], last, most);
+                let end = from + found * last;
+                assert!(from == start && end.abs() <= most, "{start} {off:e} {end}");
+                assert!((end + start).abs() < 1e-9);
+                assert!((found - step).abs() < 1e-12);
+            }
+        }
+        assert_eq!(within([-180.0000000001, 1.0], 0.0, 180.0), [-180.0, 1.0]);
+        assert_eq!(within([170.0, 1.0], 11.0, 180.0), [170.0, 1.0], "far beyond");
+        assert_eq!(within([7.0, 0.1], 50.0, 180.0), [7.0, 0.1], "inside");
+    }
+}

@@ -1,0 +1,336 @@
+//! Any file with a surface in it, grid or mesh: opening it and measuring it, out of core.
+
+use std::io::Read;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::Cancel;
+use crate::Progress;
+use crate::Resources;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{self, Point3, Rect};
+use terrane_files::{is_made, path_of};
+use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
+use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions};
+
+/// What a file turned out to hold.
+pub enum Surface {
+    /// A grid of heights.
+    Grid(Box<dyn GridSource>),
+    /// A mesh.
+    Mesh(Box<dyn MeshSource>),
+}
+
+/// Opens a grid or a mesh, told apart by the registries: first by the file's ending, then by its
+/// first bytes. An input may be a synthetic terrain by name; several are one mosaic.
+pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Surface> {
+    match inputs {
+        [one] if is_mesh(one)? => mesh::open(&path_of(one)).map(Surface::Mesh),
+        _ => raster::open_all(inputs, options).map(Surface::Grid),
+    }
+}
+
+/// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
+pub fn is_mesh(input: &str) -> Result<bool> {
+    let path = &*path_of(raster::file_name(input));
+    if mesh::split::is_split(path) {
+        return Ok(true);
+    }
+    if is_made(input) || raster::is_collection(input) {
+        return Ok(false);
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let ends = |endings: &[&str]| {
+        endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))
+    };
+    let head = head(path)?;
+    if raster::FORMATS.iter().any(|f| ends(f.extensions)) {
+        return Ok(false);
+    }
+    if mesh::FORMATS.iter().any(|f| ends(f.extensions)) {
+        return Ok(true);
+    }
+    if raster::has_header(path)
+        || raster::FORMATS.iter().any(|f| (f.sniff)(&head[..head.len().min(64)]))
+    {
+        return Ok(false);
+    }
+    if mesh::FORMATS.iter().any(|f| (f.sniff)(&head)) {
+        return Ok(true);
+    }
+    let known: Vec<&str> = raster::FORMATS
+        .iter()
+        .map(|f| f.name)
+        .chain(mesh::FORMATS.iter().map(|f| f.name))
+        .collect();
+    Err(Error::bad_input("not a grid or mesh of a known format")
+        .in_file(path)
+        .remedy(format!("known are {}", known.join(", "))))
+}
+
+/// The first 512 bytes of a file, or all of a shorter one.
+fn head(path: &Path) -> Result<Vec<u8>> {
+    let fail = |e| Error::read(path, e);
+    let mut head = Vec::with_capacity(512);
+    let file = std::fs::File::open(path).map_err(fail)?;
+    file.take(512).read_to_end(&mut head).map_err(fail)?;
+    Ok(head)
+}
+
+/// What the heights of a grid are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct GridStats {
+    /// Samples with a height.
+    pub valid: u64,
+    /// Lowest height, when there is one.
+    pub min: Option<f64>,
+    /// Highest height.
+    pub max: Option<f64>,
+    /// Mean height.
+    pub mean: Option<f64>,
+    /// Standard deviation of the heights.
+    pub std_dev: Option<f64>,
+    /// Samples at the lowest height.
+    pub at_min: u64,
+    /// The stored value to pass as nodata, when the lowest height looks like one that the file does
+    /// not declare.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suspected_nodata: Option<f64>,
+}
+
+/// Most samples a worker reads at once.
+const WINDOW_SAMPLES: u64 = 1 << 20;
+
+/// Measures all heights of a grid, window by window. The result does not depend on the number of
+/// threads.
+pub fn grid_stats(
+    grid: &dyn GridSource,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<GridStats> {
+    let info = grid.info();
+    let windows = windows(info, window_samples(resources));
+    progress.begin("read", u64::from(info.width) * u64::from(info.height));
+    let moments = workers(resources)?.install(|| {
+        let measured = windows.par_iter().map(|&rect| {
+            cancel.check()?;
+            let mut heights = vec![0.0; rect.len()];
+            grid.read_f64(rect, &mut heights)?;
+            grid.release(rect);
+            progress.advance(rect.len() as u64);
+            Ok(Moments::of(&heights))
+        });
+        measured.collect::<Result<Vec<_>>>()
+    })?;
+    progress.end();
+    let stats = moments.into_iter().fold(Moments::NONE, Moments::and).stats();
+    let suspected_nodata = stats.min.and_then(|min| raster::looks_like_nodata(min, info));
+    Ok(GridStats { suspected_nodata, ..stats })
+}
+
+/// Samples a worker may hold, at 8 bytes each: all workers together a quarter of the budget.
+pub fn window_samples(resources: &Resources) -> u64 {
+    (resources.memory / 32 / resources.threads.max(1) as u64).clamp(1 << 12, WINDOW_SAMPLES)
+}
+
+/// A thread pool of the size asked for.
+pub fn workers(resources: &Resources) -> Result<rayon::ThreadPool> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(resources.threads).build();
+    pool.map_err(|e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}")))
+}
+
+/// Windows that cover a grid, row by row, along its blocks, each of about `most` samples or fewer.
+fn windows(info: &GridInfo, most: u64) -> Vec<Rect> {
+    let (block_cols, block_rows) = (info.block.0.max(1), info.block.1.max(1));
+    let multiple = |of: u32, room: u64, end: u32| -> u32 {
+        let blocks = room / u64::from(of);
+        let size = if blocks > 0 { blocks * u64::from(of) } else { room.max(1) };
+        size.min(u64::from(end)) as u32
+    };
+    let rows = multiple(
+        block_rows,
+        (most / u64::from(info.width.max(1))).max(u64::from(block_rows).min(most)),
+        info.height,
+    );
+    let cols = multiple(block_cols, most / u64::from(rows.max(1)), info.width);
+    let starts = |end: u32, step: u32| (0..end).step_by(step.max(1) as usize);
+    starts(info.height, rows)
+        .flat_map(|row| starts(info.width, cols).map(move |col| (col, row)))
+        .map(|(col, row)| Rect::new(col, row, cols, rows).intersect(&info.bounds()))
+        .collect()
+}
+
+/// Count, extremes, mean and sum of squared deviations of some heights.
+#[derive(Clone, Copy)]
+struct Moments {
+    count: u64,
+    min: f64,
+    at_min: u64,
+    max: f64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Moments {
+    const NONE: Self = Self {
+        count: 0,
+        min: f64::INFINITY,
+        at_min: 0,
+        max: f64::NEG_INFINITY,
+        mean: 0.0,
+        squares: 0.0,
+    };
+
+    fn of(heights: &[f64]) -> Self {
+        let valid = || heights.iter().copied().filter(|z| !z.is_nan());
+        let (count, sum) = valid().fold((0u64, 0.0), |(n, sum), z| (n + 1, sum + z));
+        if count == 0 {
+            return Self::NONE;
+        }
+        let mean = sum / count as f64;
+        let squares = valid().map(|z| (z - mean) * (z - mean)).sum();
+        let (min, max) =
+            (valid().fold(f64::INFINITY, f64::min), valid().fold(f64::NEG_INFINITY, f64::max));
+        let at_min = valid().filter(|z| *z == min).count() as u64;
+        Self { count, min, at_min, max, mean, squares }
+    }
+
+    /// Both together (Chan, Golub & LeVeque 1979).
+    fn and(self, other: Self) -> Self {
+        let count = self.count + other.count;
+        if self.count == 0 || other.count == 0 {
+            return if self.count == 0 { other } else { self };
+        }
+        let (share, apart) = (other.count as f64 / count as f64, other.mean - self.mean);
+        Self {
+            count,
+            min: self.min.min(other.min),
+            at_min: self.at_min_with(&other),
+            max: self.max.max(other.max),
+            mean: self.mean + apart * share,
+            squares: self.squares + other.squares + apart * apart * share * self.count as f64,
+        }
+    }
+
+    /// Samples at the lowest height of both.
+    fn at_min_with(&self, other: &Self) -> u64 {
+        let min = self.min.min(other.min);
+        [self, other].iter().filter(|m| m.min == min).map(|m| m.at_min).sum()
+    }
+
+    fn stats(self) -> GridStats {
+        let some = |value: f64| (self.count > 0).then_some(value);
+        GridStats {
+            valid: self.count,
+            min: some(self.min),
+            max: some(self.max),
+            mean: some(self.mean),
+            std_dev: some((self.squares / self.count.max(1) as f64).sqrt()),
+            at_min: self.at_min,
+            suspected_nodata: None,
+        }
+    }
+}
+
+/// Vertices read at once.
+const VERTEX_BATCH: u64 = 1 << 16;
+
+/// Smallest and largest coordinates of a mesh's vertices, `None` without vertices. Vertices that
+/// are not finite do not count.
+pub fn mesh_bounds(
+    mesh: &dyn MeshSource,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Option<[Point3; 2]>> {
+    let vertices = vertex_count(mesh);
+    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    let mut batch = vec![[0.0; 3]; vertices.min(VERTEX_BATCH) as usize];
+    progress.begin("bounds", vertices);
+    for first in (0..vertices).step_by(VERTEX_BATCH as usize) {
+        cancel.check()?;
+        let count = (vertices - first).min(VERTEX_BATCH);
+        let batch = &mut batch[..count as usize];
+        mesh.read_vertices(first, batch)?;
+        batch.iter().filter(|v| v.iter().all(|c| c.is_finite())).for_each(|v| grow(&mut bounds, v));
+        progress.advance(count);
+    }
+    progress.end();
+    Ok((bounds[0][0] <= bounds[1][0]).then_some(bounds))
+}
+
+/// Vertices that [`MeshSource::read_vertices`] can read.
+pub fn vertex_count(mesh: &dyn MeshSource) -> u64 {
+    let info = mesh.info();
+    if info.indexed { info.vertices } else { info.triangles.saturating_mul(3) }
+}
+
+/// True when x and y of a mesh are longitudes and latitudes.
+pub fn is_geographic(info: &MeshInfo) -> bool {
+    // Only degrees are stored in a unit of their own along each axis.
+    let [x, y, _] = info.scale;
+    x != y || info.crs.as_deref().is_some_and(names_geographic)
+}
+
+/// True when a label such as "EPSG:4326 (WGS 84)" names a system of latitude and longitude.
+fn names_geographic(label: &str) -> bool {
+    let digits = label.split("EPSG:").nth(1).unwrap_or_default();
+    let code: String = digits.chars().take_while(char::is_ascii_digit).collect();
+    code.parse().ok().and_then(geom::is_geographic).unwrap_or(false)
+}
+
+fn grow(bounds: &mut [Point3; 2], vertex: &Point3) {
+    for axis in 0..3 {
+        bounds[0][axis] = bounds[0][axis].min(vertex[axis]);
+        bounds[1][axis] = bounds[1][axis].max(vertex[axis]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_raster::SampleType;
+
+    fn info(width: u32, height: u32, block: (u32, u32)) -> GridInfo {
+        GridInfo { block, ..GridInfo::plain("test", width, height, SampleType::F32) }
+    }
+
+    #[test]
+    fn windows_cover_a_grid_once_within_their_size() {
+        let shapes = [
+            (1000, 700, (256, 256)),
+            (1000, 700, (1000, 1)),
+            (5000, 3, (5000, 3)),
+            (1, 900, (1, 900)),
+        ];
+        for (width, height, block) in shapes {
+            let windows = windows(&info(width, height, block), 4096);
+            let all: usize = windows.iter().map(Rect::len).sum();
+            assert_eq!(all, width as usize * height as usize);
+            let most = windows.iter().map(Rect::len).max().unwrap();
+            assert!(most <= 4096, "{width}x{height}: {most}");
+        }
+    }
+
+    #[test]
+    fn moments_join_like_one_pass() {
+        let heights: Vec<f64> = (0..100).map(|i| f64::from(i * i % 37)).collect();
+        let whole = Moments::of(&heights).stats();
+        let parts = heights.chunks(7).map(Moments::of).fold(Moments::NONE, Moments::and).stats();
+        assert_eq!((whole.valid, whole.min, whole.max), (parts.valid, parts.min, parts.max));
+        assert_eq!((whole.at_min, parts.at_min), (3, 3), "0, 37 and 74");
+        assert!((whole.mean.unwrap() - parts.mean.unwrap()).abs() < 1e-12);
+        assert!((whole.std_dev.unwrap() - parts.std_dev.unwrap()).abs() < 1e-12);
+        let none = Moments::of(&[f64::NAN]).stats();
+        assert_eq!((none.valid, none.mean), (0, None));
+    }
+
+    #[test]
+    fn latitude_and_longitude_are_told_by_code() {
+        assert!(names_geographic("EPSG:4326 (WGS 84)"));
+        assert!(!names_geographic("EPSG:32611 (WGS 84 / UTM zone 11N)"));
+        assert!(!names_geographic("unknown") && !names_geographic("EPSG:99999999999"));
+    }
+}

@@ -1,0 +1,275 @@
+//! How the memory budget of a tile job is divided.
+//!
+//! | share | bytes |
+//! |---|---|
+//! | the program itself: code, stacks, the allocator's slack, a sink's buffers; more in builds with checks | 16 MiB, 20 MiB |
+//! | each worker: the most a tile can need | given |
+//! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
+//! | what is left, but for an eighth: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
+//! | that eighth: holes between them, as they come and go in any size and order | |
+//!
+//! Workers come first: a worker too many would break the budget, one too few costs time only, and
+//! what does not fit of the other two is read again or spilled. No result depends on it.
+
+use crate::Resources;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud as cloud;
+use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
+
+/// Bytes for the program itself.
+pub const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 };
+/// Least that is left beside the program, however little is allowed.
+const LEAST_BESIDE: u64 = 4 << 20;
+/// Fewest bytes for cache and mesh together.
+const LEAST_SHARED: u64 = 6 << 20;
+/// Most bytes for decoded blocks: more than a few rows of them are never read again.
+const MOST_CACHE: u64 = 1 << 30;
+
+/// What is left of `memory` beside the program; of less than the program takes, a little all the same.
+pub fn beside_program(memory: u64) -> u64 {
+    memory.saturating_sub(PROGRAM).max(memory.min(LEAST_BESIDE))
+}
+
+/// Bytes for decoded blocks of a grid that is read beside other work of a job with `memory`.
+pub fn cache_beside(memory: u64) -> usize {
+    usize::try_from(beside_program(memory) / 4).unwrap_or(usize::MAX)
+}
+
+/// One in so many bytes for unfinished mesh, or for what is held, is left to the allocator.
+const SLACK: u64 = 8;
+
+/// So many bytes with what the allocator takes beside them.
+pub fn with_slack(bytes: u64) -> u64 {
+    bytes + bytes / (SLACK - 1)
+}
+
+/// A divided budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shares {
+    /// Workers that fit, at least 1.
+    pub threads: usize,
+    /// Bytes for decoded blocks of the input.
+    pub cache: u64,
+    /// Bytes for unfinished mesh.
+    pub mesh: u64,
+}
+
+/// Bytes that are enough for one worker of `worker` bytes and decoded blocks of `block` bytes.
+pub fn least(worker: u64, block: u64) -> u64 {
+    PROGRAM + worker + LEAST_SHARED.max(2 * block)
+}
+
+/// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
+/// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
+pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
+    divide_beside(memory, 0, threads, worker)
+}
+
+/// As [`divide`], beside so many bytes that are `held` all the time.
+fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<Shares> {
+    let least = least(worker, 0).saturating_add(held);
+    if memory < least {
+        return Err(too_little(memory, least));
+    }
+    let memory = memory - held;
+    let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
+    let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
+    let rest = memory - PROGRAM - worker * threads as u64;
+    let cache = (rest / 2).min(MOST_CACHE);
+    let mesh = rest - cache;
+    Ok(Shares { threads, cache, mesh: mesh - mesh / SLACK })
+}
+
+/// The error of a job whose workers take less where its tiles are smaller.
+pub fn or_smaller_tiles(error: Error) -> Error {
+    if error.kind() == ErrorKind::Resource { error.or("a smaller ‹tile›") } else { error }
+}
+
+/// The error of a job that takes `least` bytes.
+pub fn too_little(memory: u64, least: u64) -> Error {
+    let needed = least.div_ceil(1 << 20);
+    let allowed = memory as f64 / (1 << 20) as f64;
+    short(
+        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed"),
+        least,
+    )
+}
+
+/// The error of what memory does not hold, where so many bytes are `enough`.
+pub fn short(message: impl Into<String>, enough: u64) -> Error {
+    let remedy = format!("pass ‹memory› {}M or more", enough.div_ceil(1 << 20));
+    Error::new(ErrorKind::Resource, message).remedy(remedy)
+}
+
+/// The bytes that a text such as "512M", "4GiB" or "2000000" stands for; `None` for one that is none.
+pub fn parse(text: &str) -> Option<u64> {
+    let lower = text.trim().to_ascii_lowercase();
+    let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
+    let (value, unit) = (lower[..digits].parse::<f64>().ok()?, lower[digits..].trim());
+    let unit = unit.strip_suffix("ib").or(unit.strip_suffix('b')).unwrap_or(unit);
+    let shift = ["", "k", "m", "g", "t"].iter().position(|known| *known == unit)?;
+    let bytes = value * (1u64 << (10 * shift)) as f64;
+    (1.0..1e18).contains(&bytes).then_some(bytes as u64)
+}
+
+/// Bytes of the polygons that points are within.
+pub fn polygon_bytes(options: &cloud::OpenOptions) -> u64 {
+    options.filter.polygon.as_ref().map_or(0, |polygon| polygon.bytes())
+}
+
+/// What the polygons that points are within leave of the memory.
+pub fn beside_polygons(options: &cloud::OpenOptions, resources: &Resources) -> Resources {
+    let memory = resources.memory.saturating_sub(polygon_bytes(options));
+    Resources { memory, ..resources.clone() }
+}
+
+/// Does work with what the polygons that points are within leave of the memory; where that does not suffice, they are
+/// named.
+pub fn with_polygons<T>(
+    options: &cloud::OpenOptions,
+    resources: &Resources,
+    work: impl FnOnce(Resources) -> Result<T>,
+) -> Result<T> {
+    let held = polygon_bytes(options).div_ceil(1 << 20);
+    let path = options.filter.polygon.as_ref().and_then(|polygon| polygon.path());
+    work(beside_polygons(options, resources)).map_err(|error| match path {
+        Some(path) if error.kind() == ErrorKind::Resource && error.path().is_none() => {
+            let remedy = with_more(error.remedy_text().unwrap_or("pass more ‹memory›"), held);
+            error
+                .at(format_args!("beside {held} MiB of polygons"))
+                .in_file(path)
+                .remedy(format!("{remedy}, or simplify the polygons"))
+        }
+        _ => error,
+    })
+}
+
+/// A remedy that advises so many MiB more.
+fn with_more(remedy: &str, more: u64) -> String {
+    let advised = || {
+        let (before, rest) = remedy.split_once("‹memory› ")?;
+        let (number, after) = rest.split_once('M')?;
+        Some(format!("{before}‹memory› {}M{after}", number.parse::<u64>().ok()? + more))
+    };
+    advised().unwrap_or_else(|| remedy.to_owned())
+}
+
+/// An opened grid and how its memory is divided.
+pub type Opened = (Box<dyn GridSource>, Shares);
+
+/// Divides the memory among workers that take `worker` bytes each, and opens `input` with its share:
+/// with fewer workers where one block of it does not fit beside all. Where the memory does not suffice,
+/// the error says how much does, for the blocks of this input, too.
+pub fn open(
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Result<Opened> {
+    open_beside(0, input, options, resources, worker)
+}
+
+/// As [`open`], beside so many bytes that are `held` all the time.
+pub fn open_beside(
+    held: u64,
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Result<Opened> {
+    let mut threads = resources.threads;
+    let is_short = |error: &Error| error.kind() == ErrorKind::Resource;
+    loop {
+        let mut fitting = 1;
+        let opened = divide_beside(resources.memory, held, threads, worker).and_then(|shares| {
+            fitting = shares.threads;
+            let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
+            let options = OpenOptions { cache_bytes, threads: fitting, ..options.clone() };
+            Ok((raster::open_all(input.names(), &options)?, shares))
+        });
+        match opened {
+            Err(error) if is_short(&error) && fitting > 1 => threads = fitting / 2,
+            Err(error) if is_short(&error) => {
+                return Err(enough(held, input, options, resources, worker).unwrap_or(error));
+            }
+            opened => return opened,
+        }
+    }
+}
+
+/// The error that tells how much memory is enough; `None` where none is.
+fn enough(
+    held: u64,
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Option<Error> {
+    let block = look_at(input, options).ok()?.block_bytes();
+    let least = least(worker, block).saturating_add(held);
+    let is_enough = block <= MOST_CACHE && least > resources.memory;
+    let error = is_enough.then(|| too_little(resources.memory, least))?;
+    // Where polygons are among what takes it, they are named.
+    Some(match &options.clip {
+        Some(clip) => error.at("with its polygons").in_file(clip.path()),
+        None => error,
+    })
+}
+
+/// Opens a grid only to learn what it is: no block of it is ever held.
+pub fn look_at(input: &Inputs, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let options = OpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
+    raster::open_all(input.names(), &options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MIB: u64 = 1 << 20;
+    /// MiB for the program, a worker of 48 MiB, and the least that is shared.
+    const LEAST: u64 = PROGRAM / MIB + 48 + 6;
+
+    #[test]
+    fn workers_are_left_out_before_the_budget_is_broken() {
+        let shares = |memory, threads| divide(memory * MIB, threads, 48 * MIB).unwrap();
+        assert_eq!(shares(LEAST, 8).threads, 1);
+        assert_eq!(shares(128, 8).threads, 2);
+        assert_eq!(shares(4096, 8).threads, 8);
+        for memory in [LEAST, LEAST + 1, 128, 1000, 9000] {
+            let Shares { threads, cache, mesh } = shares(memory, 8);
+            let left = memory * MIB - PROGRAM - 48 * MIB * threads as u64;
+            assert_eq!(cache, (left / 2).min(MOST_CACHE));
+            assert_eq!(mesh + (left - cache) / SLACK, left - cache);
+        }
+    }
+
+    #[test]
+    fn the_least_memory_and_more_hold_a_block_beside_one_worker() {
+        for (block, more) in [(0, 0), (3, 1), (4, 0), (100, 7), (1024, 500)] {
+            let least = least(48 * MIB, block * MIB);
+            let shares = divide(least + more * MIB, 1, 48 * MIB).unwrap();
+            assert!(shares.cache >= block * MIB, "{block} MiB: {shares:?}");
+            let less = divide(least - 2 * MIB, 1, 48 * MIB);
+            assert!(less.is_err() || less.unwrap().cache < block * MIB);
+        }
+    }
+
+    #[test]
+    fn what_is_held_is_no_share() {
+        for held in [0, 9, 1000] {
+            let shares = divide_beside((128 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap();
+            assert_eq!(shares, divide(128 * MIB, 8, 48 * MIB).unwrap());
+            let error = divide_beside((60 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap_err();
+            assert!(error.to_string().starts_with(&format!("at least {} MiB", LEAST + held)));
+        }
+    }
+
+    #[test]
+    fn too_little_is_refused_with_the_least_needed() {
+        let error = divide(65 * MIB, 1, 48 * MIB).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Resource);
+        let told = format!("at least {LEAST} MiB of memory are needed, 65.0 MiB");
+        assert!(error.to_string().starts_with(&told), "{error}");
+    }
+}

@@ -1,0 +1,461 @@
+//! How values of options are written.
+
+use std::path::PathBuf;
+
+use serde_json::Value as Json;
+use terrane_options::{Codec, Kind, Named};
+
+use crate::memory;
+use terrane_base::attribute::Return;
+use terrane_base::bound::Bound;
+use terrane_base::error::Error;
+use terrane_base::geom::wkt;
+use terrane_cloud::{Condition, Flags, LasVersion, PointFormat};
+use terrane_files::{name_of, path_of};
+use terrane_raster::SampleType;
+
+/// The name of a file, whatever bytes it has.
+pub struct FileName;
+
+impl Codec<String> for FileName {
+    const KIND: Kind = Kind::Path;
+
+    fn parse(text: &str) -> Result<String, String> {
+        if text.is_empty() { Err("expected a name".to_owned()) } else { Ok(text.to_owned()) }
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}
+
+impl Codec<PathBuf> for FileName {
+    const KIND: Kind = Kind::Path;
+
+    fn parse(text: &str) -> Result<PathBuf, String> {
+        <Self as Codec<String>>::parse(text).map(|name| path_of(&name).into_owned())
+    }
+
+    fn json(value: &PathBuf) -> Json {
+        name_of(value.clone()).unwrap_or_else(|_| value.display().to_string()).into()
+    }
+}
+
+/// A finite number.
+pub struct Finite;
+
+impl Codec<f64> for Finite {
+    const KIND: Kind = Kind::Number;
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+        value.ok_or_else(|| "expected a number".to_owned())
+    }
+
+    fn json(value: &f64) -> Json {
+        (*value).into()
+    }
+
+    fn number(value: &f64) -> Option<f64> {
+        Some(*value)
+    }
+}
+
+/// A finite number or NaN, as nodata values are.
+pub struct FiniteOrNan;
+
+impl Codec<f64> for FiniteOrNan {
+    const KIND: Kind = Kind::Number;
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let value = text.trim().parse::<f64>().ok().filter(|value| !value.is_infinite());
+        value.ok_or_else(|| "expected a number or nan".to_owned())
+    }
+
+    fn json(value: &f64) -> Json {
+        if value.is_finite() { (*value).into() } else { value.to_string().to_lowercase().into() }
+    }
+}
+
+/// `xmin,ymin,xmax,ymax`.
+pub struct Bounds;
+
+impl Codec<[f64; 4]> for Bounds {
+    const KIND: Kind = Kind::Numbers;
+
+    fn parse(text: &str) -> Result<[f64; 4], String> {
+        let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
+        let values: Result<Vec<f64>, String> = text.split(',').map(Finite::parse).collect();
+        let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
+        let is_ordered = bounds[0] < bounds[2] && bounds[1] < bounds[3];
+        if is_ordered { Ok(bounds) } else { Err(wrong()) }
+    }
+
+    fn json(value: &[f64; 4]) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// `low,high`. Ends that are infinite are as far off as numbers go.
+pub struct Interval;
+
+impl Codec<[f64; 2]> for Interval {
+    const KIND: Kind = Kind::Numbers;
+
+    fn parse(text: &str) -> Result<[f64; 2], String> {
+        let end = |text: &str| text.trim().parse::<f64>().ok().filter(|end| !end.is_nan());
+        let ends = text.split_once(',').and_then(|(low, high)| Some([end(low)?, end(high)?]));
+        let ends = ends.filter(|[low, high]| low <= high);
+        let ends = ends.ok_or_else(|| "expected low,high with low <= high".to_owned())?;
+        Ok(ends.map(|end| end.clamp(f64::MIN, f64::MAX)))
+    }
+
+    fn json(value: &[f64; 2]) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// `x,y`.
+pub struct Place;
+
+impl Codec<[f64; 2]> for Place {
+    const KIND: Kind = Kind::Numbers;
+
+    fn parse(text: &str) -> Result<[f64; 2], String> {
+        let place = text.split_once(',').map(|(x, y)| (Finite::parse(x), Finite::parse(y)));
+        match place {
+            Some((Ok(x), Ok(y))) => Ok([x, y]),
+            _ => Err("expected x,y".to_owned()),
+        }
+    }
+
+    fn json(value: &[f64; 2]) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// `side`, or `width,height`.
+pub struct CellSize;
+
+impl Codec<[f64; 2]> for CellSize {
+    const KIND: Kind = Kind::Numbers;
+
+    fn parse(text: &str) -> Result<[f64; 2], String> {
+        let (width, height) = text.split_once(',').unwrap_or((text, text));
+        match (Finite::parse(width), Finite::parse(height)) {
+            (Ok(width), Ok(height)) if width > 0.0 && height > 0.0 => Ok([width, height]),
+            _ => Err("expected a number above zero, or two: width,height".to_owned()),
+        }
+    }
+
+    fn json(value: &[f64; 2]) -> Json {
+        value.as_slice().into()
+    }
+}
+
+/// Bytes as people write them: `512M`, `4GiB`.
+pub struct Bytes;
+
+/// No job works in less.
+const LEAST_BYTES: u64 = 1 << 20;
+
+impl Codec<u64> for Bytes {
+    const KIND: Kind = Kind::Shaped("int | str");
+
+    fn parse(text: &str) -> Result<u64, String> {
+        match memory::parse(text) {
+            Some(few) if few < LEAST_BYTES => {
+                Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
+            }
+            Some(bytes) => Ok(bytes),
+            None => Err("expected a size such as 512M or 4GiB".to_owned()),
+        }
+    }
+
+    fn json(value: &u64) -> Json {
+        (*value).into()
+    }
+}
+
+/// The same of any number above 0: sizes of files.
+pub struct FileSize;
+
+impl Codec<u64> for FileSize {
+    const KIND: Kind = Kind::Shaped("int | str");
+
+    fn parse(text: &str) -> Result<u64, String> {
+        memory::parse(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
+    }
+
+    fn json(value: &u64) -> Json {
+        (*value).into()
+    }
+}
+
+/// `KEY=VAL`, in any case.
+pub struct KeyValue;
+
+impl Codec<(String, String)> for KeyValue {
+    const KIND: Kind = Kind::Shaped("dict[str, Any]");
+
+    fn parse(text: &str) -> Result<(String, String), String> {
+        let pair = text.split_once('=').filter(|(key, _)| !key.is_empty());
+        let pair = pair.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()));
+        pair.ok_or_else(|| "expected KEY=VAL".to_owned())
+    }
+
+    fn json((key, value): &(String, String)) -> Json {
+        format!("{key}={value}").to_ascii_uppercase().into()
+    }
+}
+
+/// The same of one that may be a number.
+pub struct AsNumber;
+
+/// The same of a formula, which may begin with a sign.
+pub struct AsFormula;
+
+/// Values that a codec writes as they are displayed, and reads as they are parsed: `by_text!(AsText, Kind::Text, Canopy)`.
+#[macro_export]
+macro_rules! by_text {
+    ($codec:ident, $kind:expr, $($type:ty)*) => {$(
+        impl terrane_options::Codec<$type> for $codec {
+            const KIND: terrane_options::Kind = $kind;
+
+            fn parse(text: &str) -> ::std::result::Result<$type, String> {
+                text.parse::<$type>().map_err(|error| error.to_string())
+            }
+
+            fn json(value: &$type) -> terrane_options::Json {
+                value.to_string().into()
+            }
+        }
+    )*};
+}
+
+by_text!(AsFormula, Kind::Shaped("str"), Condition);
+by_text!(AsNumber, Kind::Shaped("float | str"), LasVersion Return);
+
+/// A point format of LAS, by its number.
+pub struct PointFormatNumber;
+
+impl Codec<PointFormat> for PointFormatNumber {
+    const KIND: Kind = Kind::Whole;
+
+    fn parse(text: &str) -> Result<PointFormat, String> {
+        let number =
+            text.trim().parse().map_err(|_| "expected a number from 0 to 10".to_owned())?;
+        PointFormat::new(number).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &PointFormat) -> Json {
+        value.number().into()
+    }
+}
+
+/// The name of a mark of points.
+pub struct MarkName;
+
+impl Codec<Flags> for MarkName {
+    const KIND: Kind = Kind::Choice(|| {
+        let about = |flag| match flag {
+            Flags::SYNTHETIC => "made by other means than measuring",
+            Flags::KEY => "a key point of a model, not to be thinned out",
+            Flags::WITHHELD => "to be left out",
+            _ => "in the overlap of flight lines",
+        };
+        let named = |(name, flag): (&'static str, Flags)| Named { name, about: about(flag) };
+        Flags::ALL.into_iter().map(named).collect()
+    });
+
+    fn parse(text: &str) -> Result<Flags, String> {
+        let found = Flags::ALL.into_iter().find(|(name, _)| *name == text.trim());
+        found.map(|(_, flag)| flag).ok_or_else(|| {
+            let names = Flags::ALL.map(|(name, _)| name).join(", ");
+            format!("expected one of {names}")
+        })
+    }
+
+    fn json(value: &Flags) -> Json {
+        let found = Flags::ALL.into_iter().find(|(_, flag)| flag == value);
+        found.map_or("", |(name, _)| name).into()
+    }
+}
+
+/// A reference system by its code or text.
+pub struct CrsText;
+
+impl Codec<String> for CrsText {
+    const KIND: Kind = Kind::Text;
+
+    fn parse(text: &str) -> Result<String, String> {
+        let crs = wkt::of_srs(text);
+        match crs.epsg.is_some() || crs.wkt.is_some() {
+            true => Ok(text.to_owned()),
+            false => Err("expected EPSG:CODE or well-known text".to_owned()),
+        }
+    }
+
+    fn json(value: &String) -> Json {
+        wkt::with_codes(value).into()
+    }
+}
+
+/// A length of a print in millimetres, or with a unit: `100mm`, `12cm`, `0.1m`, `4in`.
+pub struct PrintLength;
+
+impl Codec<f64> for PrintLength {
+    const KIND: Kind = Kind::Shaped("float | str");
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let units = [("mm", 1.0), ("cm", 10.0), ("in", 25.4), ("m", 1000.0)];
+        let unit =
+            units.into_iter().find_map(|(name, of)| Some((text.trim().strip_suffix(name)?, of)));
+        let (number, millimetres) = unit.unwrap_or((text, 1.0));
+        let length = Finite::parse(number).ok().map(|value: f64| value * millimetres);
+        let length = length.filter(|length| *length > 0.0 && length.is_finite());
+        length.ok_or_else(|| {
+            "expected a length above zero, such as 100mm, 12cm, 0.1m or 4in".to_owned()
+        })
+    }
+
+    fn json(value: &f64) -> Json {
+        (*value).into()
+    }
+
+    fn number(value: &f64) -> Option<f64> {
+        Some(*value)
+    }
+}
+
+/// A scale: `1:50000` or `0.001`.
+pub struct PrintScale;
+
+impl Codec<f64> for PrintScale {
+    const KIND: Kind = Kind::Shaped("float | str");
+
+    fn parse(text: &str) -> Result<f64, String> {
+        let (print, ground) = text.split_once(':').unwrap_or((text, "1"));
+        let side = |text: &str| Finite::parse(text).ok().filter(|side: &f64| *side > 0.0);
+        match (side(print), side(ground)) {
+            (Some(print), Some(ground)) if (print / ground).is_normal() => Ok(print / ground),
+            _ => Err("expected a scale such as 1:50000 or 0.001".to_owned()),
+        }
+    }
+
+    fn json(value: &f64) -> Json {
+        (*value).into()
+    }
+
+    fn number(value: &f64) -> Option<f64> {
+        Some(*value)
+    }
+}
+
+/// The name of what a tolerance is promised of.
+pub struct BoundName;
+
+impl Codec<Bound> for BoundName {
+    const KIND: Kind = Kind::Choice(|| {
+        let about = |bound| match bound {
+            Bound::Samples => "all valid samples",
+            Bound::Surface => "the lines between neighbouring samples, too",
+        };
+        Bound::ALL.map(|bound| Named { name: bound.name(), about: about(bound) }).to_vec()
+    });
+
+    fn parse(text: &str) -> Result<Bound, String> {
+        text.trim().parse().map_err(|error: Error| error.to_string())
+    }
+
+    fn json(value: &Bound) -> Json {
+        value.name().into()
+    }
+}
+
+/// The name of a type of samples.
+pub struct SampleTypeName;
+
+impl Codec<SampleType> for SampleTypeName {
+    const KIND: Kind = Kind::Text;
+
+    fn parse(text: &str) -> Result<SampleType, String> {
+        SampleType::by_name(text.trim()).ok_or_else(|| {
+            let names: Vec<_> = SampleType::ALL.iter().map(|kind| kind.name()).collect();
+            format!("expected one of {}", names.join(", "))
+        })
+    }
+
+    fn json(value: &SampleType) -> Json {
+        value.name().into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    /// What a codec makes of a text, as JSON again.
+    fn read<T, C: Codec<T>>(text: &str) -> Option<Json> {
+        C::parse(text).ok().map(|value| C::json(&value))
+    }
+
+    #[test]
+    fn values_are_read_from_texts_and_written_as_such() {
+        let cell = read::<[f64; 2], CellSize>;
+        assert_eq!(cell("1"), Some(json!([1.0, 1.0])));
+        assert_eq!(cell("0.5,2"), Some(json!([0.5, 2.0])));
+        assert!(["0", "-1", "a", "1,2,3", "1,0"].iter().all(|text| cell(text).is_none()));
+        let interval = read::<[f64; 2], Interval>;
+        assert_eq!(interval("-1.5,2"), Some(json!([-1.5, 2.0])));
+        assert_eq!(interval("-inf,2"), Some(json!([f64::MIN, 2.0])));
+        assert!(["2,1", "1", "a,b", "1,nan", "1,2,3"].iter().all(|text| interval(text).is_none()));
+        let place = read::<[f64; 2], Place>;
+        assert_eq!(place("-1.5,2"), Some(json!([-1.5, 2.0])));
+        assert!(place("1").is_none() && place("1,inf").is_none());
+        let mark = read::<Flags, MarkName>;
+        assert_eq!((mark("overlap"), mark("withhold")), (Some(json!("overlap")), None));
+        for text in ["first", "last", "only", "3"] {
+            assert_eq!(read::<Return, AsNumber>(text), Some(json!(text)));
+        }
+        let length = <PrintLength as Codec<f64>>::parse;
+        for (text, millimetres) in
+            [("100mm", 100.0), ("100", 100.0), ("12 cm", 120.0), ("4in", 101.6), ("2m", 2000.0)]
+        {
+            assert!(length(text).is_ok_and(|own| (own - millimetres).abs() < 1e-9), "{text}");
+        }
+        let scale = <PrintScale as Codec<f64>>::parse;
+        assert_eq!(
+            (scale("1:50000"), scale("0.001"), scale("2:1")),
+            (Ok(2e-5), Ok(0.001), Ok(2.0))
+        );
+        for text in ["", "mm", "-1mm", "0", "1:0", "1:2:3", "nan", "x", "5ft"] {
+            assert!(length(text).is_err() && scale(text).is_err(), "{text}");
+        }
+        let size = |text| <Bytes as Codec<u64>>::parse(text);
+        let good =
+            [("128M", 128 << 20), ("4GiB", 4 << 30), ("512 MiB", 512 << 20), ("2tb", 2 << 40)];
+        for (text, value) in good.into_iter().chain([("1536k", 3 << 19), ("2000000", 2_000_000)]) {
+            assert_eq!(size(text), Ok(value), "{text}");
+        }
+        for text in ["1", "512", "1023K"] {
+            assert!(
+                size(text).is_err_and(|e| e.contains("at least 1M") && e.contains("K, M or G"))
+            );
+        }
+        for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+        let bounds = |text| Bounds::parse(text);
+        assert_eq!(bounds("-1, 2,3,4.5"), Ok([-1.0, 2.0, 3.0, 4.5]));
+        for text in ["1,2,3", "1,2,3,4,5", "3,2,1,4", "1,2,1,4", "a,b,c,d", "1,2,inf,4"] {
+            assert!(bounds(text).is_err(), "{text}");
+        }
+        for number in 0..=11 {
+            let known = (number <= 10).then(|| json!(number));
+            assert_eq!(read::<PointFormat, PointFormatNumber>(&number.to_string()), known);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Digests (BLAKE3) that results are known by.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// 256 bits that stand for some bytes.
+#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+#[repr(transparent)]
+pub struct Digest(pub [u8; 32]);
+
+impl Digest {
+    /// How many bytes it has.
+    pub const BYTES: usize = 32;
+
+    /// Its bytes.
+    pub fn bytes(&self) -> &[u8; Self::BYTES] {
+        &self.0
+    }
+
+    /// Of some bytes.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(*blake3::hash(bytes).as_bytes())
+    }
+
+    /// Of several runs of bytes, one after the other.
+    pub fn of_parts(parts: &[&[u8]]) -> Self {
+        let mut hasher = blake3::Hasher::new();
+        for part in parts {
+            hasher.update(part);
+        }
+        Self(*hasher.finalize().as_bytes())
+    }
+
+    /// The first 16 hexadecimal digits: enough to tell files apart.
+    pub fn short(&self) -> String {
+        self.to_string()[..16].to_owned()
+    }
+}
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        blake3::Hash::from_bytes(self.0).to_hex().fmt(f)
+    }
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl From<Digest> for String {
+    fn from(digest: Digest) -> Self {
+        digest.to_string()
+    }
+}
+
+impl TryFrom<String> for Digest {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        let hash = blake3::Hash::from_hex(&text).map_err(|e| format!("no digest: {e}"))?;
+        match *hash.to_hex() == *text {
+            true => Ok(Self(*hash.as_bytes())),
+            false => Err("no digest: not as it is written".to_owned()),
+        }
+    }
+}

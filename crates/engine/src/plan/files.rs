@@ -1,0 +1,225 @@
+//! The files a plan was made from, and whether they still are what they were.
+//!
+//! Small files are hashed whole. Of large ones [`PIECES`] pieces are hashed, because reading all of a
+//! terabyte only to know it again would cost as much as the work itself; then the time of the last
+//! change has to be the same, too.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::digest::Digest;
+use terrane_base::error::{Error, Result};
+use terrane_files::{self as files, name_of, path_of};
+
+/// Pieces of a large file that are hashed, evenly spread from its first byte to its last, and
+const PIECES: u64 = 16;
+/// the bytes of each.
+const PIECE: u64 = 16 << 10;
+/// Files are hashed whole as long as all of them together have no more bytes than this, and always
+/// up to the bytes of all pieces.
+const WHOLE: u64 = 1 << 30;
+
+/// What a file was when the plan was made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct InputFile {
+    name: String,
+    bytes: u64,
+    /// Nanoseconds since 1970.
+    modified: u64,
+    /// True when the digest is of all its bytes.
+    whole: bool,
+    digest: Digest,
+}
+
+/// Looks at all of `paths`, in parallel.
+pub(super) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
+    let bytes = |path: &PathBuf| std::fs::metadata(path).map_or(0, |meta| meta.len());
+    let all: u64 = paths.par_iter().map(bytes).sum();
+    let look = |path: &PathBuf| InputFile::of(path, all <= WHOLE);
+    paths.par_iter().map(look).collect()
+}
+
+/// Fails when one of `files` is not what it was; the error names it and the difference. With
+/// `by_content` digests are compared, else only sizes and times.
+pub(super) fn check(files: &[InputFile], by_content: bool) -> Result<()> {
+    files.par_iter().try_for_each(|file| file.check(by_content))
+}
+
+impl InputFile {
+    pub(super) fn path(&self) -> Cow<'_, Path> {
+        path_of(&self.name)
+    }
+
+    fn of(path: &Path, whole: bool) -> Result<Self> {
+        let fail = |e| Error::read(path, e);
+        let mut file = File::open(path).map_err(fail)?;
+        let (bytes, modified) = facts(&file).map_err(fail)?;
+        let whole = whole || bytes <= PIECES * PIECE;
+        let digest = digest(&mut file, bytes, whole).map_err(fail)?;
+        Ok(Self { name: name_of(path.to_path_buf())?, bytes, modified, whole, digest })
+    }
+
+    fn check(&self, by_content: bool) -> Result<()> {
+        let path = self.path();
+        let fail = |e| Error::read(&path, e);
+        let mut file = File::open(&path).map_err(fail)?;
+        let (bytes, modified) = facts(&file).map_err(fail)?;
+        if bytes != self.bytes {
+            return Err(self.changed(&format!("it had {} bytes and has {bytes}", self.bytes)));
+        }
+        let touched = modified != self.modified;
+        if touched && !self.whole {
+            return Err(self.changed("it was written to later"));
+        }
+        let look = touched || by_content;
+        if look && digest(&mut file, bytes, self.whole).map_err(fail)? != self.digest {
+            return Err(self.changed("its bytes are others"));
+        }
+        Ok(())
+    }
+
+    /// Takes the time of `other` where it is known to have the same bytes.
+    pub(super) fn forgive_time(&mut self, other: &Self) {
+        if self.whole && self.digest == other.digest {
+            self.modified = other.modified;
+        }
+    }
+
+    fn changed(&self, how: &str) -> Error {
+        Error::bad_input(format!("is not the file the plan was made from: {how}"))
+            .in_file(&self.path())
+            .remedy("put it back, or plan anew in another folder")
+    }
+}
+
+/// Bytes, and nanoseconds since 1970 of the last change.
+fn facts(file: &File) -> io::Result<(u64, u64)> {
+    let meta = file.metadata()?;
+    let since = meta.modified()?.duration_since(UNIX_EPOCH).unwrap_or_default();
+    Ok((meta.len(), since.as_nanos() as u64))
+}
+
+fn digest(file: &mut File, bytes: u64, whole: bool) -> io::Result<Digest> {
+    if whole || bytes <= PIECES * PIECE {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(file)?;
+        return Ok(Digest(*hasher.finalize().as_bytes()));
+    }
+    let mut pieces = vec![0; (PIECES * PIECE) as usize];
+    for (i, piece) in (0..).zip(pieces.chunks_exact_mut(PIECE as usize)) {
+        file.seek(SeekFrom::Start((bytes - PIECE) * i / (PIECES - 1)))?;
+        file.read_exact(piece)?;
+    }
+    Ok(Digest::of(&pieces))
+}
+
+/// The `paths` and what lies beside them, each once. A `.prj` is not among them: runs write one beside
+/// their meshes, and all it can say is a CRS, which is told from the grid.
+pub fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
+    // Folders are listed: to ask for every name that might be there takes far longer.
+    let folders: HashSet<&Path> = paths.iter().filter_map(|path| path.parent()).collect();
+    let there: HashSet<PathBuf> = folders.into_iter().flat_map(listed).collect();
+    let is_there = |path: &PathBuf| there.contains(path) && path.is_file();
+    let beside =
+        |path: &PathBuf| files::beside_grid(path).into_iter().filter(is_there).collect::<Vec<_>>();
+    let beside: Vec<PathBuf> = paths.par_iter().flat_map_iter(beside).collect();
+    paths.extend(beside);
+    paths.sort();
+    paths.dedup();
+    paths
+}
+
+fn listed(folder: &Path) -> Vec<PathBuf> {
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let entries = std::fs::read_dir(here).into_iter().flatten().flatten();
+    entries.map(|entry| folder.join(entry.file_name())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(files: &[InputFile], by_content: bool) -> String {
+        check(files, by_content).map_or_else(|e| e.to_string(), |()| String::new())
+    }
+
+    #[test]
+    fn every_kind_of_change_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tif");
+        let put = |bytes: &[u8], seconds: u64| {
+            std::fs::write(&path, bytes).unwrap();
+            let time = UNIX_EPOCH + std::time::Duration::from_secs(seconds);
+            File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
+        };
+        put(b"one", 5);
+        let files = look_at(std::slice::from_ref(&path)).unwrap();
+        assert_eq!(refusal(&files, true), "");
+        put(b"one", 6);
+        assert_eq!(refusal(&files, false), "", "written again, the same bytes");
+        put(b"two", 6);
+        assert!(refusal(&files, false).contains("its bytes are others"));
+        put(b"two", 5);
+        assert_eq!(refusal(&files, false), "", "a quick look does not see it");
+        assert!(refusal(&files, true).contains("its bytes are others"));
+        put(b"three", 5);
+        assert!(refusal(&files, false).contains("it had 3 bytes and has 5"));
+        std::fs::remove_file(&path).unwrap();
+        assert!(refusal(&files, false).contains("a.tif: cannot read"));
+    }
+
+    #[test]
+    fn pieces_reach_from_the_first_byte_to_the_last() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("large.tif");
+        let mut bytes = vec![7_u8; (PIECES * PIECE) as usize * 3 + 17];
+        std::fs::write(&path, &bytes).unwrap();
+        let file = InputFile::of(&path, false).unwrap();
+        assert!(!file.whole && InputFile::of(&path, true).unwrap().digest != file.digest);
+        let last = bytes.len() - 1;
+        for at in [0, last] {
+            bytes[at] ^= 1;
+            std::fs::write(&path, &bytes).unwrap();
+            assert_ne!(InputFile::of(&path, false).unwrap().digest, file.digest, "byte {at}");
+            bytes[at] ^= 1;
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(refusal(&[InputFile { modified: 1, ..file }], false).contains("written to later"));
+    }
+
+    #[test]
+    fn companions_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let there = [
+            "a.HDR",
+            "a.flt",
+            "a.flt.aux.xml",
+            "a.flt.hdr",
+            "a.prj",
+            "b.hdr",
+            "c.asc.aux.xml",
+            "c.asc.gz",
+            "c.wld",
+            "d.tif",
+            "d.tif.MSK",
+            "d.tiffw",
+        ];
+        for name in there {
+            std::fs::write(folder.path().join(name), name).unwrap();
+        }
+        std::fs::create_dir(folder.path().join("d.hdr")).unwrap();
+        let grids = ["d.tif", "a.flt", "c.asc.gz"].map(|name| folder.path().join(name));
+        let found = with_companions(grids.to_vec());
+        let names: Vec<_> =
+            found.iter().map(|p| p.file_name().unwrap().to_str().unwrap()).collect();
+        let is_read = |name: &&str| !["a.prj", "b.hdr"].contains(name);
+        assert_eq!(names, there.into_iter().filter(is_read).collect::<Vec<_>>());
+    }
+}

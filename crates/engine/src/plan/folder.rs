@@ -1,0 +1,243 @@
+//! The folder of a plan, and which of its tasks are done.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::object::{Done, Place};
+use super::output::FINISHED;
+use super::report::TaskReport;
+use super::sheet::PLAN;
+use super::work::{At, Named, Numbered};
+use super::{Digest, Look, OBJECTS, Plan, Work};
+use terrane_base::error::{Error, ErrorKind, Result};
+
+const LOCK: &str = "lock";
+
+/// A folder with a plan in it.
+pub struct Folder<W: Work> {
+    pub path: PathBuf,
+    pub plan: Plan<W>,
+    pub id: Digest,
+}
+
+/// Which tasks are done.
+pub struct Survey<'a, W: Work> {
+    /// The folder of the plan.
+    pub folder: &'a Folder<W>,
+    /// Tasks whose object is there and sound, as far as it was looked at.
+    pub done: BTreeMap<W::Task, Done<W::Facts>>,
+    /// Tasks whose object is there and not sound.
+    pub damaged: Vec<W::Task>,
+}
+
+impl<W: Work> Folder<W> {
+    /// Opens the folder `path`.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let (plan, id) = Plan::read(path)?;
+        Ok(Self { path: path.to_path_buf(), plan, id })
+    }
+
+    /// All tasks, in an order in which they can be done.
+    pub(super) fn tasks(&self) -> Vec<W::Task> {
+        self.plan.work.tasks()
+    }
+
+    /// The tasks whose objects one works on.
+    pub(super) fn before(&self, task: W::Task) -> Vec<W::Task> {
+        self.plan.work.before(task)
+    }
+
+    /// The task of a name.
+    pub(super) fn named(&self, name: &str) -> Result<Named<W::Task>> {
+        if name == "finish" {
+            return Ok(Named::Finish);
+        }
+        let parse = |(kind, task): &Numbered<W::Task>| {
+            let number = name.strip_prefix(kind)?.strip_prefix('-')?;
+            number.parse().ok().map(task)
+        };
+        let task = W::NAMES.iter().find_map(parse).ok_or_else(|| no_task::<W>(name))?;
+        match self.tasks().contains(&task) {
+            true => Ok(Named::Task(task)),
+            false => Err(Error::usage(format!("the plan has no task {task}"))
+                .in_file(&self.path)
+                .remedy("see ‹terrane plan status›")),
+        }
+    }
+
+    /// What is told of a task that is not done.
+    pub(super) fn tell(&self, task: Named<W::Task>) -> TaskReport {
+        let after = match task {
+            Named::Task(task) => self.before(task),
+            Named::Finish => self.tasks(),
+        };
+        let after = after.iter().map(W::Task::to_string).collect();
+        TaskReport { id: task.to_string(), after, work: self.plan.work.size(task) }
+    }
+
+    /// Makes it ready for work: for all that is left (`alone`), or for one task. Waits for nobody: fails
+    /// when another does all that is left. Single tasks take no lock, because results appear whole and
+    /// are the same whoever makes them; two who do everything would only do it twice. Where the file
+    /// system has no locks nothing is locked.
+    pub(super) fn enter(&self, alone: bool) -> Result<Option<File>> {
+        // Results may be thrown away, all at once too.
+        let objects = self.path.join(OBJECTS);
+        std::fs::create_dir_all(&objects).map_err(|e| Error::write(&objects, e))?;
+        if !alone {
+            return Ok(None);
+        }
+        let path = self.path.join(LOCK);
+        let file = File::options().create(true).append(true).open(&path);
+        let file = file.map_err(|e| Error::write(&path, e))?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                Err(Error::new(ErrorKind::NotYet, "others are at work in this folder")
+                    .in_file(&self.path)
+                    .remedy("try again when they are done, or do single tasks (‹task›)"))
+            }
+            _ => Ok(Some(file)),
+        }
+    }
+
+    /// Fails when `output` is a file that the plan was made from, or that the folder is made of.
+    pub(super) fn refuse_own(&self, output: &Path) -> Result<()> {
+        let place = |path: &Path| std::fs::canonicalize(path);
+        let Ok(output_place) = place(output) else { return Ok(()) };
+        let is_it = |path: &Path| place(path).is_ok_and(|path| path == output_place);
+        let own = [PLAN, FINISHED, LOCK].map(|name| self.path.join(name));
+        let objects = place(&self.path.join(OBJECTS));
+        let is_object = objects.is_ok_and(|objects| output_place.starts_with(objects));
+        if is_object
+            || own.iter().any(|path| is_it(path))
+            || self.plan.files().any(|path| is_it(&path))
+        {
+            return Err(Error::usage("output is the input itself, or belongs to the plan")
+                .in_file(output)
+                .remedy("choose another name"));
+        }
+        Ok(())
+    }
+
+    /// The error of what waits for `task`.
+    fn not_done(&self, task: W::Task) -> Error {
+        Error::new(ErrorKind::NotYet, format!("{task} is not done"))
+            .in_file(&self.path)
+            .remedy(format!("run it first: ‹task› {task}"))
+    }
+}
+
+impl<'a, W: Work> Survey<'a, W> {
+    /// Of nothing that is looked for yet.
+    pub(super) fn new(folder: &'a Folder<W>) -> Self {
+        Self { folder, done: BTreeMap::new(), damaged: Vec::new() }
+    }
+
+    /// Looks for the objects of all tasks, in parallel; tells of each. Fails when it is to stop.
+    pub(super) fn of_all(folder: &'a Folder<W>, look: Look, at: At<'_>) -> Result<Self> {
+        let mut survey = Self::new(folder);
+        survey.look_for_all(folder.tasks(), look, at)?;
+        Ok(survey)
+    }
+
+    /// Looks for the objects that `task` works on, and at every byte of its own.
+    pub(super) fn around(
+        folder: &'a Folder<W>,
+        task: W::Task,
+        look: Look,
+        at: At<'_>,
+    ) -> Result<Self> {
+        let mut survey = Self::new(folder);
+        survey.look_for_all(folder.before(task), look, at.silent())?;
+        survey.look_for(&[task], Look::Whole, at.silent())?;
+        Ok(survey)
+    }
+
+    /// Looks for the object of a task that was not found before what it works on was done.
+    pub(super) fn look_again(&mut self, task: W::Task, at: At<'_>) -> Result<()> {
+        let is_known = !self.is_missing(task) || self.damaged.contains(&task);
+        if is_known || self.folder.before(task).is_empty() {
+            return Ok(());
+        }
+        self.look_for(&[task], Look::Whole, at.silent())
+    }
+
+    /// Looks for the objects of tasks that wait for each other, or for none besides.
+    fn look_for_all(&mut self, tasks: Vec<W::Task>, look: Look, at: At<'_>) -> Result<()> {
+        let mut left: BTreeSet<W::Task> = tasks.into_iter().collect();
+        while !left.is_empty() {
+            // A key follows from the seals of what was looked for before.
+            let waits = |task: &W::Task| self.folder.before(*task).iter().any(|b| left.contains(b));
+            let (later, now): (Vec<_>, Vec<_>) = left.iter().copied().partition(waits);
+            self.look_for(&now, look, at)?;
+            left = later.into_iter().collect();
+        }
+        Ok(())
+    }
+
+    fn look_for(&mut self, tasks: &[W::Task], look: Look, at: At<'_>) -> Result<()> {
+        let find = |&task: &W::Task| {
+            at.progress.advance(1);
+            let place = self.place(task).ok()?;
+            Some((task, at.cancel.check().and_then(|()| Done::look(&place, look, at.cancel))))
+        };
+        let found: Vec<_> = tasks.par_iter().filter_map(find).collect();
+        // What was not read to its end is not known to be damaged.
+        at.cancel.check()?;
+        for (task, looked) in found {
+            match looked {
+                Ok(Some(done)) => drop(self.done.insert(task, done)),
+                Ok(None) => {}
+                Err(_) => self.damaged.push(task),
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the object of a task lies, which is known by the plan, the task, and the seals of what it
+    /// works on. Fails with `NotYet` when not all of that is done.
+    pub(super) fn place(&self, task: W::Task) -> Result<Place> {
+        let seal = |before: &W::Task| match self.done.get(before) {
+            Some(done) => Ok(done.seal),
+            None => Err(self.folder.not_done(*before)),
+        };
+        let seals: Vec<Digest> =
+            self.folder.before(task).iter().map(seal).collect::<Result<_>>()?;
+        let Folder { path, id, .. } = self.folder;
+        Ok(Place::new(&path.join(OBJECTS), (*id, &task.to_string(), &seals), W::ENDING))
+    }
+
+    /// The file of the object of a finished task, and what is known of it.
+    pub fn object(&self, task: W::Task) -> Result<(PathBuf, &Done<W::Facts>)> {
+        let done = self.done.get(&task).ok_or_else(|| self.folder.not_done(task))?;
+        Ok((self.place(task)?.file, done))
+    }
+
+    /// True when no sound object of `task` was found.
+    pub(super) fn is_missing(&self, task: W::Task) -> bool {
+        !self.done.contains_key(&task)
+    }
+
+    /// Fails when a task is not done, nor will be once what is damaged is made anew.
+    pub(super) fn check_all(&self) -> Result<()> {
+        let is_undone = |task: &W::Task| {
+            let is_known = self.place(*task).is_ok();
+            is_known && self.is_missing(*task) && !self.damaged.contains(task)
+        };
+        let undone = self.folder.tasks().into_iter().find(is_undone);
+        undone.map_or(Ok(()), |task| Err(self.folder.not_done(task)))
+    }
+}
+
+/// The error of a name that no task of this kind of plan has.
+fn no_task<W: Work>(name: &str) -> Error {
+    let some = |(i, (kind, _)): (usize, &Numbered<W::Task>)| match i {
+        0 => format!("{kind}-0, {kind}-1, ..., "),
+        _ => format!("{kind}-0, ..., "),
+    };
+    let names: String = W::NAMES.iter().enumerate().map(some).collect();
+    Error::usage(format!("\"{name}\" is no task"))
+        .remedy(format!("tasks are {names}finish: see ‹terrane plan status›"))
+}

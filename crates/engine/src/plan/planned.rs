@@ -1,0 +1,69 @@
+//! The grid that a plan is made for: what was found in it, and the files it is made of.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::{Plan, Work, refuse_another, with_companions};
+use crate::options::GridInput;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Affine;
+use terrane_files::{is_made, name_of, path_of};
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs};
+
+/// What was found in the input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedGrid {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    transform: [f64; 6],
+    crs: String,
+}
+
+impl PlannedGrid {
+    /// What is noted of a grid.
+    pub fn of(info: &GridInfo) -> Self {
+        let Affine { x0, a, b, y0, d, e } = info.transform;
+        let transform = [x0, a, b, y0, d, e];
+        let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
+        Self { width: info.width, height: info.height, transform, crs }
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Fails when the opened input is another grid than the plan's, or is read from more files (`all`): one beside the
+    /// others may say where voids are.
+    pub fn check<W: Work>(
+        &self,
+        plan: &Plan<W>,
+        source: &dyn GridSource,
+        all: Vec<PathBuf>,
+    ) -> Result<()> {
+        let known: HashSet<Cow<'_, Path>> = plan.files().collect();
+        let all = with_companions(all);
+        if let Some(new) = all.iter().find(|path| !known.contains(path.as_path())) {
+            return Err(Error::bad_input(
+                "is read with the input, and was not when it was planned",
+            )
+            .in_file(new)
+            .remedy("move it away, or plan anew in another folder"));
+        }
+        refuse_another("grid", &plan.label, self, &Self::of(source.info()))
+    }
+}
+
+/// The files that a grid is read from: those behind its input, and what is read with them.
+pub fn grid_files(input: &Inputs, reading: &GridInput, source: &dyn GridSource) -> Vec<PathBuf> {
+    let is_file = |name: &&String| !is_made(name);
+    let path = |name: &String| path_of(raster::file_name(name)).into_owned();
+    let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
+    let all: Vec<String> = input.names().iter().cloned().chain(members).collect();
+    all.iter().filter(is_file).map(path).chain(reading.files()).collect()
+}

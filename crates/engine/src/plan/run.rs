@@ -1,0 +1,419 @@
+//! Doing what a plan says, all of it or one task, and telling how far that has come.
+//!
+//! A task that finds damage in what it reads makes that anew and goes on; it never writes from bytes that
+//! no digest covers. A plan notes what objects and output will take, from small samples and rather too
+//! much, and a run compares that with what is free before it starts.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::folder::{Folder, Survey};
+use super::object::Done;
+use super::output::{Output, last_output};
+use super::report::{DiskCheck, RunReport, StatusReport};
+use super::work::{At, Made, Named, Order};
+use super::{Kind, Look, PLAN, Work, kept};
+use crate::Cancel;
+use crate::Progress;
+use crate::Resources;
+use crate::Silent;
+use crate::peak_memory;
+use crate::sift::Skipped;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::atomic::refuse_existing;
+
+/// A plan to make of a job.
+#[derive(Clone, Debug)]
+pub struct PlanJob<J> {
+    /// What to make; its output gives the format and is not written.
+    pub job: J,
+    /// The folder for the plan: a new or empty one, or one with the same plan.
+    pub folder: PathBuf,
+    /// How large a task is: rows of tiles of a mesh, or cells along a tile of a grid; as large as makes a
+    /// fair piece of work when `None`.
+    pub cut: Option<u32>,
+    /// Files that are left out of the input because they are bad, to be noted in the plan.
+    pub skipped: Vec<Skipped>,
+}
+
+impl<J> PlanJob<J> {
+    /// Fails where tasks are to be smaller than `least`, which is `told`.
+    pub fn check_size(&self, least: u32, told: &str) -> Result<()> {
+        match self.cut.filter(|cut| *cut < least) {
+            None => Ok(()),
+            Some(cut) => Err(Error::usage(format!("‹task_size› is {cut}: tasks have {told}"))
+                .remedy(format!("pass {least} or more, or leave it out"))),
+        }
+    }
+}
+
+impl<J: Clone> PlanJob<J> {
+    /// A job in tasks of a fair size.
+    pub fn all(job: &J, folder: &Path, skipped: &[Skipped]) -> Self {
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        Self { job: job.clone(), folder, cut: None, skipped }
+    }
+}
+
+/// Work on a plan: every byte of what is done already is looked at, what is not done or damaged is made,
+/// and the result written. What is done stays done however the run ends. A named task that is done is
+/// left alone; one that reads a damaged object makes that anew, too.
+///
+/// Beside its own errors it fails with `BadInput` for an input or program that is not what the plan was
+/// made with, with `NotYet` while another does all that is left and for a task whose inputs are not done,
+/// and with `CannotWrite` when the disk has too little room.
+#[derive(Clone, Debug)]
+pub struct RunJob {
+    /// The folder of the plan.
+    pub folder: PathBuf,
+    /// One task by name; all that is not done when `None`.
+    pub task: Option<String>,
+    /// What to write; `mesh` or `grid` with the format's ending in the folder when `None`.
+    pub output: Option<PathBuf>,
+    /// Replace what is there.
+    pub overwrite: bool,
+    /// What else is asked of what is written.
+    pub form: Form,
+    /// Whether to begin where the disk seems to have too little room.
+    pub disk: DiskCheck,
+    /// What the work may use.
+    pub resources: Resources,
+}
+
+/// What else is asked of a mesh of a grid that is written at the end of a plan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Form {
+    /// Write a folder of meshes, each of so many by so many tiles.
+    pub split: Option<u32>,
+    /// STL and 3MF: close the surface down to this height.
+    pub solid_base: Option<f64>,
+}
+
+impl RunJob {
+    /// All that is left to do in a folder, until the output is there.
+    pub fn until(
+        (folder, output): (&Path, &Path),
+        overwrite: bool,
+        form: Form,
+        (disk, resources): (DiskCheck, &Resources),
+    ) -> Self {
+        Self {
+            folder: folder.to_path_buf(),
+            task: None,
+            output: Some(output.to_path_buf()),
+            overwrite,
+            form,
+            disk,
+            resources: resources.clone(),
+        }
+    }
+}
+
+/// How far the work in the folder `path` has come; objects are looked at, not read through.
+pub fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
+    let (folder, cancel) = (Folder::<W>::open(path)?, Cancel::default());
+    let survey = Survey::of_all(&folder, Look::Quick, At { progress: &Silent, cancel: &cancel })?;
+    let told = last_output(&folder.path, folder.id)?;
+    let (work, tasks) = (&folder.plan.work, folder.tasks());
+    let finish = told.output.is_none().then_some(Named::Finish);
+    let is_left = |task: &W::Task| survey.is_missing(*task);
+    let left = tasks.iter().copied().filter(is_left).map(Named::Task);
+    let left: Vec<Named<W::Task>> = left.chain(finish).collect();
+    Ok(StatusReport {
+        folder: folder.path.display().to_string(),
+        plan_id: folder.id.to_string(),
+        input: folder.plan.label.clone(),
+        work: work.size(Named::Finish),
+        to_do: left.iter().map(|task| folder.tell(*task)).collect(),
+        done: (tasks.len() + 1 - left.len()) as u64,
+        damaged: survey.damaged.iter().map(W::Task::to_string).collect(),
+        object_bytes: survey.done.values().map(|done| done.bytes).sum(),
+        forecast: folder.plan.forecast(&left),
+        told,
+        skipped: folder.plan.skipped.clone(),
+        ..work.tell()
+    })
+}
+
+/// Works on a plan, whose output is named for this run: the name says nothing else than what is written.
+pub fn run_named<W: Work>(
+    job: &RunJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<RunReport<W::Run>> {
+    let check = |work: &W| match &job.output {
+        Some(output) => work.check_name(output, &job.form),
+        None => Ok(()),
+    };
+    run_checked(job, check, At { progress, cancel })
+}
+
+/// Works on a plan.
+pub fn run<W: Work>(
+    job: &RunJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<RunReport<W::Run>> {
+    run_checked(job, |_: &W| Ok(()), At { progress, cancel })
+}
+
+fn run_checked<W: Work>(
+    job: &RunJob,
+    check: impl FnOnce(&W) -> Result<()>,
+    at: At<'_>,
+) -> Result<RunReport<W::Run>> {
+    let started = Instant::now();
+    if W::KIND != Kind::Tin && job.form != Form::default() {
+        let message =
+            format!("‹split› is for meshes of grids, and this is the plan of {}", W::KIND.what());
+        return Err(Error::usage(message).remedy("leave ‹split› out"));
+    }
+    let folder = Folder::<W>::open(&job.folder)?;
+    check(&folder.plan.work)?;
+    let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
+    let _lock = folder.enter(task.is_none())?;
+    folder.plan.check_files(task.is_none())?;
+    let done = match task {
+        None => Run::new(&folder, job, true, at).and_then(Run::all),
+        Some(Named::Finish) => Run::new(&folder, job, true, at).and_then(Run::finish),
+        Some(Named::Task(task)) => Run::new(&folder, job, false, at).and_then(|run| run.one(task)),
+    };
+    let mut report = done.map_err(kept)?;
+    report.wall_seconds = started.elapsed().as_secs_f64();
+    report.peak_memory = peak_memory();
+    Ok(report)
+}
+
+/// Plans by `plan` and runs what is left, so that a run that was killed goes on where it was.
+pub fn run_in<W: Work>(
+    job: &RunJob,
+    plan: impl FnOnce() -> Result<()>,
+    At { progress, cancel }: At<'_>,
+) -> Result<RunReport<W::Run>> {
+    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    if let (Some(output), false) = (&job.output, job.folder.join(PLAN).exists()) {
+        refuse_existing(output, job.overwrite)?;
+    }
+    plan()?;
+    run::<W>(job, progress, cancel)
+}
+
+/// A run in progress.
+struct Run<'a, W: Work> {
+    folder: &'a Folder<W>,
+    opened: W::Opened,
+    output: Output,
+    /// The note on what is written already and still as it was.
+    note: Option<W::Note>,
+    disk: DiskCheck,
+    at: At<'a>,
+    report: RunReport<W::Run>,
+}
+
+impl<'a, W: Work> Run<'a, W> {
+    /// With the input opened; what `writes` the result looks first at what is in its place.
+    fn new(folder: &'a Folder<W>, job: &RunJob, writes: bool, at: At<'a>) -> Result<Self> {
+        let path = match &job.output {
+            Some(path) => path.clone(),
+            None => folder.path.join(folder.plan.work.output(&job.form)?),
+        };
+        let form = serde_json::to_value(job.form).unwrap_or_default();
+        let output = Output::new(&folder.path, folder.id, &path, form)?;
+        let (note, overwrite) = match writes {
+            true => output.claim(job.overwrite, at.cancel)?,
+            false => (None, job.overwrite),
+        };
+        let writes = writes && note.is_none();
+        if writes {
+            folder.refuse_own(&path)?;
+        }
+        let mut resources = job.resources.clone();
+        resources.temp_dir.get_or_insert_with(|| folder.path.clone());
+        let order = Order { output: path, overwrite, form: job.form, resources };
+        let opened = W::open(&folder.plan, order)?;
+        if writes {
+            W::check_output(&opened, at)?;
+        }
+        let (disk, report) = (job.disk, Self::begun(folder));
+        Ok(Self { folder, opened, output, note, disk, at, report })
+    }
+
+    /// The report on what is not done yet.
+    fn begun(folder: &Folder<W>) -> RunReport<W::Run> {
+        RunReport {
+            folder: folder.path.display().to_string(),
+            plan_id: folder.id.to_string(),
+            tasks: folder.tasks().len() as u64 + 1,
+            skipped: folder.plan.skipped.clone(),
+            ..RunReport::default()
+        }
+    }
+
+    /// All that is not done.
+    fn all(mut self) -> Result<RunReport<W::Run>> {
+        let mut survey = self.check_done()?;
+        let mut to_do = self.folder.tasks();
+        to_do.retain(|task| survey.is_missing(*task));
+        self.check_disk(&to_do, self.note.is_none())?;
+        self.staged(W::STAGE.unwrap_or_default(), &to_do, |run| {
+            to_do.iter().try_for_each(|task| run.make_missing(*task, &mut survey))
+        })?;
+        self.end(&survey)
+    }
+
+    /// One task that is not the last.
+    fn one(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
+        let mut survey = Survey::around(self.folder, task, Look::Quick, self.at)?;
+        if survey.is_missing(task) {
+            self.check_disk(&[task], false)?;
+            let around = |run: &Self| Survey::around(run.folder, task, Look::Whole, run.at);
+            self.staged(&task.to_string(), &[task], |run| {
+                run.mending(&mut survey, around, |run, survey| run.make_missing(task, survey))
+            })?;
+        }
+        Ok(self.conclude(&survey))
+    }
+
+    /// The last task.
+    fn finish(mut self) -> Result<RunReport<W::Run>> {
+        if self.note.is_some() {
+            let nothing = Survey::new(self.folder);
+            return self.end(&nothing);
+        }
+        let mut survey = match W::LAST_LOOK {
+            Look::Quick => Survey::of_all(self.folder, Look::Quick, self.at.silent())?,
+            Look::Whole => self.check_done()?,
+        };
+        survey.check_all()?;
+        self.check_disk(&survey.damaged, true)?;
+        self.mending(&mut survey, Self::check_done, |run, survey| {
+            survey.check_all().and_then(|()| run.write(survey))
+        })?;
+        Ok(self.conclude(&survey))
+    }
+
+    /// Looks at every byte of what is done.
+    fn check_done(&self) -> Result<Survey<'a, W>> {
+        self.at.progress.begin("check what is done", self.folder.tasks().len() as u64);
+        let survey = Survey::of_all(self.folder, Look::Whole, self.at)?;
+        self.at.progress.end();
+        Ok(survey)
+    }
+
+    /// Does `work` as a stage of that name, where tasks have none of their own.
+    fn staged(
+        &mut self,
+        name: &str,
+        tasks: &[W::Task],
+        work: impl FnOnce(&mut Self) -> Result<()>,
+    ) -> Result<()> {
+        if W::STAGE.is_none() {
+            return work(self);
+        }
+        let size = |task: &W::Task| self.folder.plan.work.size(Named::Task(*task));
+        self.at.progress.begin(name, tasks.iter().map(size).sum());
+        work(self)?;
+        self.at.progress.end();
+        Ok(())
+    }
+
+    /// Does `work` on what a `survey` found. What that found damaged is made anew first; where the work
+    /// fails to read something, every byte is looked at (`look`), and the work done once more if damage
+    /// was found.
+    fn mending(
+        &mut self,
+        survey: &mut Survey<'a, W>,
+        look: impl Fn(&Self) -> Result<Survey<'a, W>>,
+        work: impl Fn(&mut Self, &mut Survey<'a, W>) -> Result<()>,
+    ) -> Result<()> {
+        self.mend(survey)?;
+        let error = match work(self, survey) {
+            // What cannot be written is no object that could be damaged.
+            Err(error)
+                if error.kind() == ErrorKind::Io
+                    && error.path().is_none_or(|path| path.starts_with(&self.folder.path)) =>
+            {
+                error
+            }
+            other => return other,
+        };
+        *survey = look(self)?;
+        if survey.damaged.is_empty() {
+            return Err(error);
+        }
+        self.mend(survey)?;
+        work(self, survey)
+    }
+
+    /// Makes anew what is damaged.
+    fn mend(&mut self, survey: &mut Survey<'a, W>) -> Result<()> {
+        if survey.damaged.is_empty() {
+            return Ok(());
+        }
+        for task in self.folder.tasks() {
+            // Its key may not have been known before.
+            survey.look_again(task, self.at)?;
+            if survey.damaged.contains(&task) {
+                self.make_missing(task, survey)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a task's object unless it is there.
+    fn make_missing(&mut self, task: W::Task, survey: &mut Survey<'a, W>) -> Result<()> {
+        survey.look_again(task, self.at)?;
+        if !survey.is_missing(task) {
+            return Ok(());
+        }
+        if survey.damaged.contains(&task) {
+            self.report.damaged.push(task.to_string());
+        }
+        let place = survey.place(task)?;
+        let (object, told) = ((task, &*place.file), &mut self.report.of);
+        let Made { facts, digest, spilled } = W::make(&self.opened, object, survey, told, self.at)?;
+        let done = Done::seal(&place, facts, digest)?;
+        self.report.made.push(task.to_string());
+        self.report.made_bytes += done.bytes;
+        self.report.spilled_bytes += spilled;
+        survey.done.insert(task, done);
+        Ok(())
+    }
+
+    /// Fails when the disks will not hold the objects of these tasks and, if it is written, the result.
+    fn check_disk(&self, tasks: &[W::Task], writes: bool) -> Result<()> {
+        let left: Vec<_> = tasks.iter().copied().map(Named::Task).collect();
+        let forecast = self.folder.plan.forecast(&left);
+        let written = if writes { forecast.output_bytes } else { 0 };
+        self.disk.check(&self.folder.path, &self.output.path, [forecast.disk_needed, written])
+    }
+
+    /// Writes the result from all objects.
+    fn write(&mut self, survey: &Survey<'a, W>) -> Result<()> {
+        // Once more: the tasks may have taken days.
+        W::check_output(&self.opened, self.at)?;
+        self.output.begin()?;
+        let note = W::write(&self.opened, survey, &mut self.report.of, self.at)?;
+        self.output.finish(&note, self.at.cancel)?;
+        self.report.finished = true;
+        Ok(())
+    }
+
+    /// Ends with the result, which may be there already.
+    fn end(mut self, survey: &Survey<'a, W>) -> Result<RunReport<W::Run>> {
+        match self.note.take() {
+            Some(note) => W::written(note, &self.output.path, &mut self.report.of),
+            None => self.write(survey)?,
+        }
+        Ok(self.conclude(survey))
+    }
+
+    fn conclude(mut self, survey: &Survey<'a, W>) -> RunReport<W::Run> {
+        let bytes: u64 = survey.done.values().map(|done| done.bytes).sum();
+        self.report.found = (survey.done.len() - self.report.made.len()) as u64;
+        self.report.found_bytes = bytes - self.report.made_bytes;
+        self.report
+    }
+}

@@ -1,0 +1,106 @@
+//! How a grid is read: its band, its voids, its water, and the polygons it is clipped to.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::Resources;
+use crate::beside::{self, Beside};
+use crate::options::GridInput;
+use crate::water;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
+use terrane_cloud::{Polygon, PolygonRings};
+use terrane_raster::{Clip, ClipRings, OpenOptions};
+use terrane_vector::Feature;
+
+impl GridInput {
+    /// How to open the grid, with so many bytes for decoded blocks. Reads all polygons, and all water; of
+    /// TopoJSON those of its first object.
+    ///
+    /// # Errors
+    /// Whatever the reader of the polygons' format finds; a feature with anything else than polygons in it, by
+    /// its number, or with a point among water; a file without a ring; more edges than half of the memory holds.
+    pub fn options(&self, resources: &Resources, cache_bytes: usize) -> Result<OpenOptions> {
+        let clip = self.clip.as_deref().map(|name| polygons(name, resources)).transpose()?;
+        let water = self.water.as_deref().map(|name| water::read(name, resources)).transpose()?;
+        let Resources { threads, temp_dir, .. } = resources.clone();
+        Ok(OpenOptions {
+            band: self.band.unwrap_or(1),
+            nodata: self.nodata,
+            cache_bytes,
+            threads,
+            temp_dir,
+            bbox: self.bounds,
+            clip,
+            water,
+            colours: false,
+        })
+    }
+
+    /// The same wherever the process works.
+    pub fn absolute(&self) -> Result<Self> {
+        let clip = self.clip.as_deref().map(beside::absolute).transpose()?;
+        let water = self.water.as_deref().map(beside::absolute).transpose()?;
+        Ok(Self { clip, water, ..self.clone() })
+    }
+
+    /// The files of polygons and of water, and what else is read with them.
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.clip.iter().chain(&self.water).flat_map(|name| beside::files(name)).collect()
+    }
+}
+
+/// Polygons to clip a grid to.
+fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
+    let mut rings = ClipRings::default();
+    let (path, crs) = rings_of(name, ("grid", ClipRings::EDGE_BYTES), resources, |feature| {
+        rings.begin_feature()?;
+        feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
+    })?;
+    Ok(Arc::new(Clip::new(rings, &path, crs)))
+}
+
+/// Polygons that the points of a cloud are within.
+///
+/// # Errors
+/// Those of the polygons that a grid is clipped to.
+pub fn polygon(name: &str, resources: &Resources) -> Result<Polygon> {
+    let mut rings = PolygonRings::default();
+    let (path, crs) = rings_of(name, ("cloud", PolygonRings::EDGE_BYTES), resources, |feature| {
+        rings.begin_feature()?;
+        feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
+    })?;
+    Ok(Polygon::new(rings).of_file(&path, crs))
+}
+
+/// Hands on all features of a file of polygons that something is clipped to; returns its path and system.
+fn rings_of(
+    name: &str,
+    (whole, edge_bytes): (&str, u64),
+    resources: &Resources,
+    mut add: impl FnMut(&Feature) -> Result<()>,
+) -> Result<(PathBuf, Crs)> {
+    let remedy = "simplify them with ‹terrane simplify›";
+    let mut file = Beside::open(name, "polygons", edge_bytes, remedy)?;
+    let edges = file.each((resources.memory / 2, resources), |feature| {
+        only_polygons(feature, whole)?;
+        add(feature)
+    })?;
+    if edges == 0 {
+        return Err(Error::bad_input("has no polygon")
+            .in_file(&file.path)
+            .remedy("name a file with the polygons to clip to"));
+    }
+    let crs = file.source.layer().crs.clone();
+    Ok((file.path, crs))
+}
+
+fn only_polygons(feature: &Feature, whole: &str) -> Result<()> {
+    let mut leaves = feature.geometry.leaves();
+    let Some(other) = leaves.find(|leaf| !leaf.kind().is_polygons() && !leaf.is_empty()) else {
+        return Ok(());
+    };
+    let kind = other.kind().name();
+    Err(Error::bad_input(format!("is a {kind}, and a {whole} is clipped to polygons"))
+        .remedy("take it out, or make a polygon of it"))
+}

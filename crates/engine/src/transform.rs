@@ -1,0 +1,350 @@
+//! Outputs in another reference system than the input: what is asked for, and features that are taken
+//! there as they are written. All that is decided is decided before, in the system of the input.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::Resources;
+use crate::beside;
+use crate::geoid;
+use crate::memory::short;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Point3, wkt};
+use terrane_crs::{Operation, Options, ShiftGrid};
+use terrane_files::{RawFile, name_of, path_of};
+use terrane_mesh::{MeshBatch, MeshSink};
+use terrane_raster::GridInfo;
+use terrane_vector::{Coordinates, Feature, FeatureSink, Member, Written};
+
+/// The system that an output is to be in, and what leads there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Transform {
+    /// The system: a code ("EPSG:4326", "EPSG:6339+6360") or well-known text.
+    pub target: String,
+    /// A grid of shifts between the datums (NTv2).
+    pub shift_grid: Option<PathBuf>,
+    /// Heights of a geoid above the ellipsoid (GTX or GeoTIFF).
+    pub geoid: Option<PathBuf>,
+}
+
+/// What was done to positions.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct Transformed {
+    /// The system of the output.
+    pub crs: String,
+    /// What led there.
+    pub operation: String,
+    /// How right that is, in metres; 0 within one datum, nothing where it is not known.
+    pub accuracy: Option<f64>,
+}
+
+/// A grid of shifts or a geoid may take one part in so many of the memory, beside what is divided.
+pub const SHARE: u64 = 8;
+
+impl Transformed {
+    /// What is told of an operation.
+    pub fn of(operation: &Operation) -> Self {
+        Self {
+            crs: operation.target().label(),
+            operation: operation.name().to_owned(),
+            accuracy: operation.accuracy(),
+        }
+    }
+}
+
+impl Transform {
+    /// To a system by its code or text.
+    pub fn to(target: impl Into<String>) -> Self {
+        Self { target: target.into(), ..Self::default() }
+    }
+
+    /// The same, wherever the program stands.
+    pub fn absolute(&self) -> Result<Self> {
+        let absolute = |path: &Option<PathBuf>| {
+            let name = path.clone().map(name_of).transpose()?;
+            let name = name.as_deref().map(beside::absolute).transpose()?;
+            Ok::<_, Error>(name.as_deref().map(|name| path_of(name).into_owned()))
+        };
+        let (shift_grid, geoid) = (absolute(&self.shift_grid)?, absolute(&self.geoid)?);
+        Ok(Self { shift_grid, geoid, ..self.clone() })
+    }
+
+    /// The least memory that its files may be held in.
+    pub fn least_memory(&self) -> u64 {
+        let bytes = |path: &Path| path.metadata().map_or(0, |file| file.len());
+        self.files().map(bytes).max().unwrap_or(0).saturating_mul(SHARE)
+    }
+
+    /// The files that are read for it.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.shift_grid.iter().chain(&self.geoid).map(PathBuf::as_path)
+    }
+
+    /// The operation for data of `input` in a system that lie in a rectangle: x and y low, x and y high.
+    ///
+    /// # Errors
+    /// Those of [`Operation::between`]; grids that cannot be read.
+    pub fn operation(
+        &self,
+        (input, from): (&Path, &Crs),
+        extent: Option<[f64; 4]>,
+        resources: &Resources,
+    ) -> Result<Operation> {
+        // What is wrong with the one system is told with the file.
+        from.conversion().map_err(|e| e.in_file(input))?;
+        let shift_grid = self.shift_grid.as_ref().map(|path| {
+            ShiftGrid::of_ntv2(&read(path, resources)?).map(Arc::new).map_err(|e| e.in_file(path))
+        });
+        let geoid = self.geoid.as_ref().map(|path| geoid::read(path, resources).map(Arc::new));
+        let options =
+            Options { extent, shift_grid: shift_grid.transpose()?, geoid: geoid.transpose()? };
+        Operation::between(from, &wkt::of_srs(&self.target), &options)
+    }
+}
+
+/// All of a file that takes a small part of the memory.
+pub fn read(path: &Path, resources: &Resources) -> Result<Vec<u8>> {
+    let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
+    check_room(file.size(), resources.memory).map_err(|e| e.in_file(path))?;
+    file.read_vec(0, file.size())
+}
+
+/// Fails where a file that is held whole leaves too little memory for the rest.
+pub fn check_room(bytes: u64, memory: u64) -> Result<()> {
+    let needed = bytes.saturating_mul(SHARE);
+    if needed <= memory {
+        return Ok(());
+    }
+    let message = format!("is held whole, and takes more than a part in {SHARE} of the memory");
+    Err(short(message, needed))
+}
+
+/// The rectangle that the samples of a grid lie in.
+pub fn extent_of(info: &GridInfo) -> [f64; 4] {
+    let [east, south] = [info.width, info.height].map(|samples| f64::from(samples.max(1) - 1));
+    let mut extent = Extent::NONE;
+    for [col, row] in [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]] {
+        extent.add(info.transform.apply(col, row));
+    }
+    extent.0
+}
+
+/// The rectangle around positions.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent([f64; 4]);
+
+impl Extent {
+    /// That of no position.
+    pub const NONE: Self = Self([f64::MAX, f64::MAX, f64::MIN, f64::MIN]);
+
+    /// Takes in one more position.
+    pub fn add(&mut self, [x, y]: [f64; 2]) {
+        let [x0, y0, x1, y1] = self.0;
+        self.0 = [x0.min(x), y0.min(y), x1.max(x), y1.max(y)];
+    }
+
+    /// `None` where nothing was added.
+    pub fn get(self) -> Option<[f64; 4]> {
+        (self.0[0] <= self.0[2] && self.0[1] <= self.0[3]).then_some(self.0)
+    }
+}
+
+/// Takes features to another system before they are written.
+pub struct Moving {
+    /// Where they are written.
+    pub inner: Box<dyn FeatureSink>,
+    /// The operation between the two systems.
+    pub operation: Arc<Operation>,
+}
+
+impl FeatureSink for Moving {
+    fn write(&mut self, feature: &Feature) -> Result<()> {
+        let mut feature = feature.clone();
+        feature.foreign.retain(stays);
+        let mut failed = None;
+        feature.geometry.for_each_leaf(&mut |coordinates| {
+            if failed.is_none() {
+                failed = take(coordinates, &self.operation).err();
+            }
+        });
+        failed.map_or(Ok(()), Err)?;
+        self.inner.write(&feature)
+    }
+
+    fn finish(self: Box<Self>, foreign: &[Member]) -> Result<Written> {
+        let foreign: Vec<Member> = foreign.iter().filter(|member| stays(member)).cloned().collect();
+        self.inner.finish(&foreign)
+    }
+}
+
+/// True but for rectangles around features, which are of the system before.
+pub fn stays(member: &Member) -> bool {
+    member.name != "bbox"
+}
+
+fn take(coordinates: &mut Coordinates, operation: &Operation) -> Result<()> {
+    let Coordinates { xy, z, ends, .. } = coordinates;
+    for (place, at) in xy.iter_mut().enumerate() {
+        // Not a number stands for no height, and stays what it is.
+        match z.get_mut(place).filter(|z| !z.is_nan()) {
+            Some(z) => {
+                let [x, y, height] = operation.point([at[0], at[1], *z])?;
+                (*at, *z) = ([x, y], height);
+            }
+            None => *at = operation.position(*at)?,
+        }
+    }
+    let mut start = 0;
+    for end in ends.iter().copied() {
+        check_steps(&xy[start..end], operation)?;
+        start = end;
+    }
+    Ok(())
+}
+
+/// Fails where a line goes from one edge of a map to the other: neighbours in the system before are half
+/// of the earth apart.
+fn check_steps(line: &[[f64; 2]], operation: &Operation) -> Result<()> {
+    const HALF: f64 = 20_037_508.0;
+    let target = operation.target();
+    let half = target.horizontal_metres().map_or(180.0, |metres| HALF / metres);
+    let torn = line.windows(2).find(|pair| (pair[0][0] - pair[1][0]).abs() > half);
+    torn.map_or(Ok(()), |pair| {
+        let message = format!(
+            "a line goes from {}, {} to {}, {}, across the edge of {}",
+            pair[0][0],
+            pair[0][1],
+            pair[1][0],
+            pair[1][1],
+            target.label()
+        );
+        Err(Error::unsupported(message).remedy("cut it there first, or name another system"))
+    })
+}
+
+/// Takes a mesh to another system as it is written. Triangles stay what they are, and must not turn over.
+pub struct MovingMesh {
+    inner: Box<dyn MeshSink>,
+    operation: Arc<Operation>,
+    vertices: Vec<Point3>,
+    corners: Vec<[Point3; 3]>,
+}
+
+impl MovingMesh {
+    /// Moves what is written to `inner`.
+    pub fn new(inner: Box<dyn MeshSink>, operation: Arc<Operation>) -> Self {
+        Self { inner, operation, vertices: Vec::new(), corners: Vec::new() }
+    }
+
+    /// The corners of triangles, each vertex computed once.
+    fn take_corners(&mut self, batch: &MeshBatch<'_>) -> Result<()> {
+        let mut known: HashMap<u64, Point3> = HashMap::new();
+        self.corners.clear();
+        for (ids, corners) in batch.triangles.iter().zip(batch.corners) {
+            let mut moved = [[0.0; 3]; 3];
+            for ((place, id), corner) in moved.iter_mut().zip(ids).zip(corners) {
+                *place = match known.get(id) {
+                    Some(found) => *found,
+                    None => *known.entry(*id).or_insert(self.operation.point(*corner)?),
+                };
+            }
+            if !is_upright(&moved) {
+                return Err(self.turned(corners[0]));
+            }
+            self.corners.push(moved);
+        }
+        Ok(())
+    }
+
+    fn turned(&self, [x, y, _]: Point3) -> Error {
+        let target = self.operation.target().label();
+        let message = format!("a triangle at {x}, {y} turns over in {target}");
+        Error::unsupported(message)
+            .remedy("choose a smaller ‹tile›, which makes triangles smaller, or another system")
+    }
+}
+
+/// True for corners that are counter-clockwise seen from above.
+fn is_upright([a, b, c]: &[Point3; 3]) -> bool {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
+}
+
+impl MeshSink for MovingMesh {
+    fn wants_corners(&self) -> bool {
+        true
+    }
+
+    fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+        self.vertices.clear();
+        for vertex in batch.vertices {
+            self.vertices.push(self.operation.point(*vertex)?);
+        }
+        self.take_corners(&batch)?;
+        let corners = if self.inner.wants_corners() { &self.corners[..] } else { &[] };
+        self.inner.push(MeshBatch { vertices: &self.vertices, corners, ..batch })
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        self.inner.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::error::ErrorKind;
+
+    struct Drain;
+
+    impl MeshSink for Drain {
+        fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+            assert!(batch.corners.is_empty(), "not asked for");
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<u64> {
+            Ok(0)
+        }
+    }
+
+    #[test]
+    fn a_triangle_that_turns_over_is_an_error_with_its_place() {
+        let from = wkt::of_srs("EPSG:32632");
+        let operation = Operation::to_wgs84(&from, None).unwrap();
+        let mut sink = MovingMesh::new(Box::new(Drain), Arc::new(operation));
+        let [a, b] = [[300_000.0, 5e6, 0.0], [500_000.0, 5e6, 0.0]];
+        let mut push = |up: f64| {
+            let corners = [a, b, [400_000.0, 5e6 + up, 0.0]];
+            let batch = MeshBatch {
+                vertices: &corners,
+                values: &[],
+                triangles: &[[0, 1, 2]],
+                corners: &[corners],
+            };
+            sink.push(batch)
+        };
+        push(2000.0).unwrap();
+        let told = push(-2000.0).unwrap_err().to_string();
+        assert!(told.contains("at 300000, 5000000 turns over in EPSG:4326"), "{told}");
+    }
+
+    #[test]
+    fn lines_across_the_edge_of_a_map_are_found() {
+        let operation = Operation::to_wgs84(&wkt::of_srs("EPSG:32632"), None).unwrap();
+        assert!(check_steps(&[[170.0, 5.0], [179.0, 5.0]], &operation).is_ok());
+        let told = check_steps(&[[179.0, 5.0], [-179.0, 5.0]], &operation).unwrap_err().to_string();
+        assert!(told.contains("across the edge of EPSG:4326"), "{told}");
+    }
+
+    #[test]
+    fn what_is_held_whole_is_a_small_part_of_the_memory() {
+        assert!(check_room(1 << 20, 8 << 20).is_ok());
+        let told = check_room(1 << 20, (8 << 20) - 1).unwrap_err();
+        assert_eq!(told.kind(), ErrorKind::Resource);
+        assert!(told.to_string().contains("‹memory› 8M"), "{told}");
+    }
+}

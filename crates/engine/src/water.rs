@@ -1,0 +1,46 @@
+//! Water of a file of features: polygons, and the centre lines of rivers.
+
+use std::sync::Arc;
+
+use crate::Resources;
+use crate::beside::Beside;
+use terrane_base::error::{Error, Result};
+use terrane_raster::{Water, WaterFeatures};
+use terrane_vector::{Feature, Role};
+
+/// Reads all of it; of TopoJSON the first object.
+///
+/// # Errors
+/// Whatever the reader of the format finds; a point; a file without a polygon; more vertices than a quarter of the
+/// memory holds.
+pub fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
+    let remedy = "simplify it with ‹terrane simplify›";
+    let mut file = Beside::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;
+    let mut water = WaterFeatures::default();
+    file.each((resources.memory / 4, resources), |feature| add(feature, &mut water))?;
+    if water.areas() == 0 {
+        return Err(Error::bad_input("has no polygon")
+            .in_file(&file.path)
+            .remedy("name a file with the polygons that are water"));
+    }
+    Ok(Arc::new(Water::new(water, &file.path, file.source.layer().crs.clone())))
+}
+
+fn add(feature: &Feature, water: &mut WaterFeatures) -> Result<()> {
+    let geometry = &feature.geometry;
+    if geometry.leaves().any(|leaf| leaf.kind().is_points() && !leaf.is_empty()) {
+        return Err(Error::bad_input("a point is no water")
+            .remedy("take it out: polygons are water, and lines its centre lines"));
+    }
+    for part in geometry.parts() {
+        match part.role {
+            Role::Line => water.push_line(part.xy)?,
+            Role::Outer => {
+                water.begin_area()?;
+                water.push_ring(part.xy)?;
+            }
+            Role::Hole => water.push_ring(part.xy)?,
+        }
+    }
+    Ok(())
+}

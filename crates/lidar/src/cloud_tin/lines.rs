@@ -1,0 +1,388 @@
+//! Lines that edges follow: which of their steps lie over the cloud, what part of them is in which region, and how
+//! high a post is.
+//!
+//! A line is a path of steps of the frame ([`terrane_tin::scatter::Courses`]) as far as it is in the convex hull of
+//! the points, and its *posts* are vertices that need be no points. So lines keep where they were measured, and what
+//! follows them, region by region, is decided on whole numbers like all else. Vertices from the start are the posts
+//! at ends, where lines cross, and where one comes into a region: that is where the next region takes it up.
+//!
+//! The height of a post depends on its position alone: that of the point there, if there is one (whose error could
+//! not be kept otherwise); else the lowest that lines through it have; else, where none of them has heights, that of
+//! the triangulation of all points of the cloud.
+
+use std::collections::HashMap;
+
+use super::regions::{Region, Regions};
+use crate::points::{Around, PointStore, Tiling};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Point, Segment};
+use terrane_delaunay::{Found, Hull, Place, Position, interpolate};
+use terrane_engine::on_cloud::{Line, OnCloud};
+use terrane_tin::scatter::{Course, Courses, Mesh};
+
+type Site = [i32; 2];
+
+/// Most positions in a region where lines cross.
+const MOST_CROSSINGS: usize = 1 << 19;
+/// No step.
+const NONE: u32 = u32::MAX;
+
+/// The steps of a line in a region that begin and end in the hull.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Piece {
+    region: u32,
+    line: u32,
+    from: u32,
+    to: u32,
+    /// Where the next piece of the line begins.
+    next: u32,
+    /// Where the last one ends.
+    last: u32,
+}
+
+impl Piece {
+    /// Bytes of it and of what a worker lists of it, its posts included.
+    const BYTES: u64 = 1 << 10;
+}
+
+/// All lines over a cloud.
+pub(super) struct Lines<'a> {
+    lines: &'a [Line],
+    /// Where the lattice of the lines begins.
+    low: [i64; 2],
+    hull: Hull,
+    /// First and last step in the hull.
+    spans: Vec<Option<[u32; 2]>>,
+    /// Sorted.
+    pieces: Vec<Piece>,
+}
+
+impl<'a> Lines<'a> {
+    /// The lines of `kept` over the points of a store.
+    pub(super) fn new(kept: &'a OnCloud, hull: Hull, tiling: &Tiling) -> Self {
+        let low = tiling.window().low.map(i64::from);
+        let outline = Outline::of(&hull);
+        let mut lines =
+            Self { lines: &kept.lines, low, hull, spans: Vec::new(), pieces: Vec::new() };
+        lines.spans =
+            (0..lines.lines.len()).map(|line| lines.span(&lines.segment(line), &outline)).collect();
+        lines
+    }
+
+    /// True for a line that has no step over the cloud.
+    pub(super) fn is_outside(&self, line: usize) -> bool {
+        self.spans[line].is_none()
+    }
+
+    /// True where there is nothing to follow.
+    pub(super) fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> u64 {
+        (size_of_val(&self.spans[..]) + size_of_val(&self.pieces[..])) as u64
+    }
+
+    fn segment(&self, line: usize) -> Segment {
+        let [a, b] =
+            self.lines[line].ends.map(|end| [0, 1].map(|i| i64::from(end[i]) + self.low[i]));
+        Segment::new(a, b)
+    }
+
+    fn is_inside(&self, site: Site) -> bool {
+        self.hull.place(Position::of(site)) != Place::Outside
+    }
+
+    /// The first and the last step in the hull. Steps that are surely outside, as those before them are so far from
+    /// it, are not looked at.
+    fn span(&self, segment: &Segment, outline: &Outline) -> Option<[u32; 2]> {
+        let all = segment.steps();
+        let (mut first, mut last) = (0, all);
+        while !self.is_inside(site(segment, first)) {
+            first += outline.steps_to(site(segment, first));
+            if first > all {
+                return None;
+            }
+        }
+        while !self.is_inside(site(segment, last)) {
+            last = last.checked_sub(outline.steps_to(site(segment, last)))?;
+        }
+        Some([first as u32, last as u32])
+    }
+
+    /// How many pieces of lines there are in each square.
+    pub(super) fn by_square(&self, tiling: &Tiling) -> Vec<u32> {
+        let mut counts = vec![0_u32; tiling.count()];
+        for line in 0..self.lines.len() {
+            let segment = self.segment(line);
+            self.each_window(
+                line,
+                tiling,
+                |square, _| square_window(tiling, square, &segment),
+                |square, _| {
+                    counts[square] = counts[square].saturating_add(1);
+                },
+            );
+        }
+        counts
+    }
+
+    /// Divides the lines among regions.
+    pub(super) fn divide(&mut self, regions: &Regions, tiling: &Tiling) {
+        let mut pieces = Vec::new();
+        for line in 0..self.lines.len() {
+            let (segment, first) = (self.segment(line), pieces.len());
+            let window = |square: usize, _| {
+                let window = regions.all[regions.of(square)].window(tiling);
+                segment.within(window.low.map(i64::from), window.high.map(i64::from))
+            };
+            self.each_window(line, tiling, window, |square, [from, to]| {
+                let inside = |step: &u32| self.is_inside(site(&segment, u64::from(*step)));
+                let ends = (from..=to).find(inside).zip((from..=to).rev().find(inside));
+                pieces.extend(ends.map(|(from, to)| Piece {
+                    region: regions.of(square) as u32,
+                    line: line as u32,
+                    from,
+                    to,
+                    next: NONE,
+                    last: NONE,
+                }));
+            });
+            let (mut next, last) = (NONE, pieces.last().map_or(NONE, |piece: &Piece| piece.to));
+            for piece in pieces[first..].iter_mut().rev() {
+                (piece.next, piece.last) = (next, last);
+                next = piece.from;
+            }
+        }
+        pieces.sort_unstable();
+        self.pieces = pieces;
+    }
+
+    /// Hands on the steps of a line in each window that it comes to, which that of a square is part of.
+    fn each_window(
+        &self,
+        line: usize,
+        tiling: &Tiling,
+        window: impl Fn(usize, u64) -> Option<std::ops::RangeInclusive<u64>>,
+        mut each: impl FnMut(usize, [u32; 2]),
+    ) {
+        let Some([first, last]) = self.spans[line] else { return };
+        let (segment, mut step) = (self.segment(line), u64::from(first));
+        while step <= u64::from(last) {
+            let at = site(&segment, step);
+            let square = tiling.square_of(Point::new(at[0], at[1], 0));
+            let end = window(square, step).map_or(step, |steps| *steps.end()).min(u64::from(last));
+            each(square, [step as u32, end as u32]);
+            step = end + 1;
+        }
+    }
+
+    /// The most bytes that a worker takes for the lines of a region.
+    pub(super) fn most_bytes(&self) -> u64 {
+        let of_region = self.pieces.chunk_by(|a, b| a.region == b.region);
+        of_region.map(|pieces| pieces.len() as u64).max().unwrap_or(0) * Piece::BYTES
+    }
+
+    /// What a region has of them; `points` are those of the region.
+    pub(super) fn of_region(
+        &self,
+        number: usize,
+        store: &'a PointStore,
+        region: &Region,
+    ) -> RegionLines<'_> {
+        let number = number as u32;
+        let from = self.pieces.partition_point(|piece| piece.region < number);
+        let pieces = &self.pieces[from..];
+        let pieces = &pieces[..pieces.partition_point(|piece| piece.region == number)];
+        let courses = pieces.iter().map(|piece| Course {
+            segment: self.segment(piece.line as usize),
+            from: piece.from.into(),
+            to: piece.to.into(),
+            next: (piece.next != NONE).then_some(piece.next.into()),
+            last: piece.last.into(),
+        });
+        let window = region.window(store.tiling());
+        let courses = Courses::new(courses.collect());
+        RegionLines {
+            lines: self,
+            pieces,
+            courses,
+            store,
+            around: None,
+            loaded: HashMap::new(),
+            window,
+        }
+    }
+}
+
+/// The steps of a path in a square.
+fn square_window(
+    tiling: &Tiling,
+    square: usize,
+    segment: &Segment,
+) -> Option<std::ops::RangeInclusive<u64>> {
+    let window = tiling.window_of(square);
+    segment.within(window.low.map(i64::from), window.high.map(i64::from))
+}
+
+fn site(segment: &Segment, step: u64) -> Site {
+    segment.at(step).map(|steps| steps as i32)
+}
+
+/// The sides of a hull: a corner of each, and the direction outward, of length 1.
+struct Outline(Vec<(Site, [f64; 2])>);
+
+impl Outline {
+    fn of(hull: &Hull) -> Self {
+        let corners = hull.corners();
+        let next = corners.iter().cycle().skip(1);
+        let side = |(a, b): (&Point, &Point)| {
+            let [dx, dy] = [f64::from(b.x) - f64::from(a.x), f64::from(b.y) - f64::from(a.y)];
+            let length = (dx * dx + dy * dy).sqrt();
+            ([a.x, a.y], [dy / length, -dx / length])
+        };
+        Self(corners.iter().zip(next).map(side).collect())
+    }
+
+    /// Steps that it takes at least from outside to the hull, and one at least.
+    fn steps_to(&self, at: Site) -> u64 {
+        let far = |(from, out): &(Site, [f64; 2])| {
+            let off = [0, 1].map(|i| f64::from(at[i]) - f64::from(from[i]));
+            off[0] * out[0] + off[1] * out[1]
+        };
+        let most = self.0.iter().map(far).fold(0.0, f64::max);
+        ((most * (1.0 - 1e-9) - 1e-6) as u64).max(1)
+    }
+}
+
+/// What a region has of lines.
+pub(super) struct RegionLines<'a> {
+    lines: &'a Lines<'a>,
+    pieces: &'a [Piece],
+    courses: Courses,
+    store: &'a PointStore,
+    /// All points near, once a height needs them.
+    around: Option<Around<'a>>,
+    /// Points by square.
+    loaded: HashMap<usize, Vec<Point>>,
+    window: terrane_delaunay::Window,
+}
+
+impl RegionLines<'_> {
+    /// The posts that are vertices from the start.
+    pub(super) fn first_posts(&mut self) -> Result<Vec<Point>> {
+        if self.pieces.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut sites = self.courses.crossings(MOST_CROSSINGS).ok_or_else(|| {
+            Error::new(ErrorKind::Resource, "lines cross each other at too many places")
+                .remedy("leave out lines that others lie upon")
+        })?;
+        sites.retain(|&site| self.lines.is_inside(site));
+        for piece in self.pieces {
+            let segment = self.lines.segment(piece.line as usize);
+            sites.push(site(&segment, piece.from.into()));
+            sites.extend((piece.to == piece.last).then(|| site(&segment, piece.to.into())));
+        }
+        sites.sort_unstable();
+        sites.dedup();
+        self.raise(&sites)
+    }
+
+    /// Puts posts into a mesh until edges follow the lines of the region, as far as that can be. Returns the posts, and
+    /// vertices that are left without an edge.
+    pub(super) fn follow(&mut self, mesh: &mut Mesh) -> Result<(Vec<Point>, Vec<Site>)> {
+        let mut posts = Vec::new();
+        if self.pieces.is_empty() {
+            return Ok((posts, Vec::new()));
+        }
+        loop {
+            let gaps = self.courses.gaps(mesh, |site| self.lines.is_inside(site));
+            let more = self.raise(&gaps.posts)?;
+            let before = posts.len();
+            posts.extend(more.into_iter().filter(|&post| mesh.insert(post).is_some()));
+            if posts.len() == before {
+                return Ok((posts, gaps.apart));
+            }
+        }
+    }
+
+    /// Posts at these positions.
+    fn raise(&mut self, sites: &[Site]) -> Result<Vec<Point>> {
+        let (mut posts, mut bare) = (Vec::with_capacity(sites.len()), Vec::new());
+        for &site in sites {
+            let height = match self.point_at(site)? {
+                Some(point) => Some(point.z),
+                None => self.height_of_lines(site),
+            };
+            match height {
+                Some(z) => posts.push(Point::new(site[0], site[1], z)),
+                None => bare.push(site),
+            }
+        }
+        if !bare.is_empty() {
+            self.raise_bare(&bare, &mut posts)?;
+            posts.sort_unstable();
+        }
+        Ok(posts)
+    }
+
+    /// The lowest point of the cloud at a position.
+    fn point_at(&mut self, site: Site) -> Result<Option<Point>> {
+        let square = self.store.tiling().square_of(Point::new(site[0], site[1], 0));
+        if !self.loaded.contains_key(&square) {
+            let mut points = Vec::new();
+            self.store.load_distinct(square, &mut points)?;
+            self.loaded.insert(square, points);
+        }
+        let points = &self.loaded[&square];
+        let found = points.binary_search_by_key(&site, |point| [point.x, point.y]);
+        Ok(found.ok().map(|at| points[at]))
+    }
+
+    /// The lowest height that lines have at a position.
+    fn height_of_lines(&self, site: Site) -> Option<i32> {
+        let heights = self.courses.at(site).filter_map(|(course, step)| {
+            let line = self.pieces[course as usize].line as usize;
+            let [from, to] = self.lines.lines[line].heights?;
+            Some(along([from, to], step, self.lines.segment(line).steps()))
+        });
+        heights.min()
+    }
+
+    /// Adds posts on the triangulation of all points.
+    fn raise_bare(&mut self, sites: &[Site], posts: &mut Vec<Point>) -> Result<()> {
+        if self.around.is_none() {
+            self.around = Some(Around::new(self.store, self.window)?);
+        }
+        let Some(around) = &mut self.around else { return Ok(()) };
+        let (mut rest, before) = (sites.iter(), posts.len());
+        let positions = sites.iter().map(|&site| Position::of(site));
+        around.find_all(&self.lines.hull, positions, |position, found| {
+            let Some(&[x, y]) = rest.next() else { return };
+            let height = match found {
+                Found::At(point) => Some(point.z),
+                Found::Triangle(corners) => {
+                    Some((interpolate(&corners, position) + 0.5).floor() as i32)
+                }
+                Found::Outside => None,
+            };
+            posts.extend(height.map(|z| Point::new(x, y, z)));
+        })?;
+        match posts.len() - before == sites.len() {
+            true => Ok(()),
+            false => Err(Error::new(ErrorKind::Internal, "a post lies on no triangle")),
+        }
+    }
+}
+
+/// The height after so many steps of a path between these, rounded half up.
+fn along([from, to]: [i32; 2], step: u64, steps: u64) -> i32 {
+    if steps == 0 {
+        return from.min(to);
+    }
+    let (rise, steps) = (i128::from(to) - i128::from(from), i128::from(steps));
+    let gone = (2 * rise * i128::from(step) + steps).div_euclid(2 * steps);
+    (i128::from(from) + gone) as i32
+}

@@ -1,0 +1,103 @@
+//! Options of meshes of clouds.
+
+use std::path::Path;
+
+use terrane_options::{Options, Range, Rule};
+
+use super::plan::run_in;
+use super::{CloudTinJob, CloudTinReport, run};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::OpenOptions;
+use terrane_engine::Resources;
+use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::options::Constraints;
+use terrane_engine::options::{CloudInput, FileOutput, Resuming};
+use terrane_engine::placing::Placing;
+use terrane_raster::Inputs;
+
+/// Simplify a point cloud into a triangle mesh with a proven vertical error bound
+///
+/// The mesh is the Delaunay triangulation of some of the points, and of posts on breaklines.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+#[non_exhaustive]
+pub struct CloudTinOptions {
+    /// Largest vertical distance of any point from the mesh, in the vertical unit of the data; 0 keeps all points
+    #[option(value = "E", stands_for = "max_vertices", stands_for = "max_triangles", range = Range::FROM_ZERO,
+             heading = "Target")]
+    pub max_error: Option<f64>,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// The mesh file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How the mesh lies in its file.
+    #[option(flatten)]
+    pub placing: Placing,
+    /// What stays.
+    #[option(flatten)]
+    pub constraints: Constraints,
+    /// Where work is kept.
+    #[option(flatten)]
+    pub resuming: Resuming,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[
+    Rule::OneOf(&["max_error"], "target"),
+    Rule::NotWith("workdir", &["keep_degrees", "size", "scale", "exaggeration"]),
+];
+
+impl CloudTinOptions {
+    /// The job on some files.
+    ///
+    /// # Errors
+    /// No target; polygons that cannot be read.
+    pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
+        let options = self.cloud.options(&self.resources)?;
+        Ok(CloudTinJob { options, ..self.unread(inputs, output)? })
+    }
+
+    /// The same without the polygons that points are within.
+    fn unread(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
+        let none = || Error::usage("no target given").remedy("pass ‹max_error›");
+        Ok(CloudTinJob {
+            inputs: inputs.clone(),
+            options: OpenOptions::default(),
+            output: output.to_path_buf(),
+            format: self.file.format.clone(),
+            overwrite: self.file.replacing.overwrite,
+            placing: self.placing,
+            // Without the sign that a zero may have.
+            tolerance: self.max_error.ok_or_else(none)?.abs(),
+            keep_points: self.constraints.keep_points.clone(),
+            breaklines: self.constraints.breaklines.clone(),
+            measure: true,
+            resources: self.resources.clone(),
+        })
+    }
+}
+
+impl Operation for CloudTinOptions {
+    const NAME: &'static str = "cloud-tin";
+    type Input = CloudInput;
+    const WRITES: Writes = Writes::Mesh;
+    type Report = CloudTinReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        let job = self.unread(&Inputs::from(Vec::new()), output)?;
+        job.format().and(job.check())
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<CloudTinReport> {
+        let Request { inputs, output, skipped, is_measured, progress, cancel } = request;
+        let job = CloudTinJob { measure: is_measured, ..self.job(inputs, output)? };
+        match &self.resuming.workdir {
+            None => run(&job, progress, cancel),
+            Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
+        }
+    }
+}

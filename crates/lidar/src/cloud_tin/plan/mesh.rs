@@ -1,0 +1,542 @@
+//! What a task does: vertices that its regions choose, or find wanting, into one object by square; at the end the mesh
+//! of all of them.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::needs::Sample;
+use super::{CloudTinStatus, PointRun, PointStatus};
+use crate::cloud_tin::choose::{BAND, Errors, Look, Settling, due, first_choice, look_at_all};
+use crate::cloud_tin::lines::Lines;
+use crate::cloud_tin::ready::Ready;
+use crate::cloud_tin::regions::{Region, Regions};
+use crate::cloud_tin::write::write;
+use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
+use crate::points::{PointStore, ShelfWriter, Shelves, Tiling};
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_base::limits;
+use terrane_cloud::{self as cloud, Census, CloudInfo, OpenOptions, PointSource};
+use terrane_delaunay::{Hull, Window};
+use terrane_engine::kept::Features;
+use terrane_engine::memory::beside_polygons;
+use terrane_engine::outputs::refuse_other_name;
+use terrane_engine::plan::{
+    self, At, Digest, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
+    refuse_another,
+};
+use terrane_engine::sift::Losses;
+use terrane_files::atomic::AtomicFile;
+use terrane_files::{name_of, path_of};
+use terrane_mesh::{self as mesh, MeshFormat, check_prj};
+
+/// Rounds of tasks that look at the mesh.
+const ROUNDS: u32 = 2;
+/// Most points of a task, unless told otherwise, and fewest of the largest.
+const TASK_POINTS: u64 = 1 << 24;
+/// Most tasks that may wait for each other: each knows of all before it.
+const MOST_PARTS: u64 = 1 << 12;
+
+/// A mesh to make of a cloud.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) struct CloudMesh {
+    method: Method,
+    cloud: Found,
+    pub(super) seen: Whole,
+}
+
+/// What is asked for, by paths that hold wherever a task is run on this file system.
+#[derive(Clone, Serialize, Deserialize)]
+struct Method {
+    inputs: Vec<String>,
+    #[serde(flatten)]
+    options: OpenOptions,
+    format: String,
+    max_error: f64,
+    /// Most points of a task, where that was said.
+    cut: Option<u32>,
+}
+
+/// What the headers tell.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+struct Found {
+    points: u64,
+    /// Lowest and highest x, y and z, in steps.
+    bounds: [[i32; 3]; 2],
+    scale: [f64; 3],
+    offset: [f64; 3],
+    crs: String,
+}
+
+/// What was seen of all points when the plan was made.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) struct Whole {
+    census: Census,
+    /// Files whose damage was passed over.
+    #[serde(default, skip_serializing_if = "Losses::is_empty")]
+    losses: Losses,
+    /// Corners of the hull.
+    hull: Vec<[i32; 3]>,
+    pub(super) regions: Vec<Region>,
+    parts: Vec<Part>,
+}
+
+/// The squares of a task, and its regions.
+#[derive(Clone, Serialize, Deserialize)]
+struct Part {
+    block: Region,
+    regions: Range<usize>,
+}
+
+/// A task: the round, from choosing on, and the number of the part.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Task {
+    round: u32,
+    part: u32,
+}
+
+impl Task {
+    const NAMES: [Numbered<Self>; 3] = [
+        ("choose", |part| Self { round: 0, part }),
+        ("prove", |part| Self { round: 1, part }),
+        ("again", |part| Self { round: ROUNDS, part }),
+    ];
+}
+
+impl fmt::Display for Task {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{}", Self::NAMES[self.round as usize].0, self.part)
+    }
+}
+
+/// What an object tells of itself.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Facts {
+    points: u64,
+    /// Of the index of its squares.
+    index: Digest,
+    /// What the regions that looked may be changed by, and their points.
+    looks: Vec<(usize, [[i32; 2]; 2], u64)>,
+}
+
+/// A plan's cloud and job, opened.
+pub(super) struct Opened {
+    job: CloudTinJob,
+    label: String,
+    source: Box<dyn PointSource>,
+}
+
+impl Opened {
+    pub(super) fn new(job: CloudTinJob, label: String) -> Result<Self> {
+        let source = cloud::source(job.inputs.names(), &job.options)?;
+        Ok(Self { job, label, source })
+    }
+
+    pub(super) fn ready(&self) -> Result<Ready<'_>> {
+        let format = self.job.format()?;
+        Ready::new((&self.job, &self.label), &*self.source, Features::default(), format)
+    }
+}
+
+impl Found {
+    fn of(info: &CloudInfo) -> Result<Self> {
+        let bounds = info.bounds.ok_or_else(no_surface)?.map(|Point { x, y, z }| [x, y, z]);
+        let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
+        let (scale, offset) = (info.frame.scale, info.frame.offset);
+        Ok(Self { points: info.count, bounds, scale, offset, crs })
+    }
+}
+
+impl Whole {
+    /// Looks at the points once: they are divided into regions of `most` points at the most, and tasks have `cut` of
+    /// them, but for single regions, or as many as make a fair piece of work. Returns what was seen with the share of
+    /// the points that will be vertices, about.
+    pub(super) fn look(
+        Opened { source, .. }: &Opened,
+        (cut, most): (Option<u32>, u64),
+        ready: &Ready<'_>,
+        at: At<'_>,
+    ) -> Result<(Self, f64)> {
+        let (sample, filling) = (Sample::new(ready), ready.filling(at));
+        let empty = PointStore::empty(ready.tiling(), ready.folder(), 0).outline();
+        let points = empty.filled_and(&**source, &filling, &|batch| sample.take(batch))?;
+        let hull = points.hull()?;
+        if hull.is_flat() {
+            return Err(no_surface());
+        }
+        let fair = TASK_POINTS.max(2 * source.info().count / MOST_PARTS);
+        let regions = Regions::new(&points, &[], most).all;
+        let blocks = Regions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
+        let seen = Self {
+            census: *points.census(),
+            losses: points.losses().clone(),
+            hull: hull.corners().iter().map(|p| [p.x, p.y, p.z]).collect(),
+            parts: parts(&regions, blocks),
+            regions,
+        };
+        Ok((seen, sample.share(ready, &hull, at.silent())?))
+    }
+}
+
+impl CloudMesh {
+    /// That of an opened job of whose points this was seen.
+    pub(super) fn of(opened: &Opened, cut: Option<u32>, seen: Whole) -> Result<Self> {
+        let Opened { job, source, .. } = opened;
+        let inputs = match source.files() {
+            [] => job.inputs.names().to_vec(),
+            files => files.iter().map(|name| absolute(name)).collect::<Result<_>>()?,
+        };
+        let (options, max_error) = (job.options.clone(), job.tolerance);
+        let format = job.format()?.name.to_owned();
+        let method = Method { inputs, options, format, max_error, cut };
+        let mesh = Self { method, cloud: Found::of(source.info())?, seen };
+        mesh.check().map(|()| mesh)
+    }
+
+    /// The files it is made from.
+    pub(super) fn files(&self, opened: &Opened) -> Vec<PathBuf> {
+        let on_disk = if opened.source.files().is_empty() { &[][..] } else { &self.method.inputs };
+        on_disk.iter().map(|name| path_of(name).into_owned()).collect()
+    }
+
+    fn format(&self) -> Result<&'static MeshFormat> {
+        mesh::by_path(Path::new(""), Some(&self.method.format))
+    }
+
+    /// Rounds of tasks after that of choosing: where all points are vertices nothing is left to add.
+    fn rounds(&self) -> u32 {
+        if self.method.max_error == 0.0 { 0 } else { ROUNDS }
+    }
+
+    /// The tasks of some rounds.
+    fn tasks_of(&self, rounds: Range<u32>) -> Vec<Task> {
+        let parts = self.seen.parts.len() as u32;
+        rounds.flat_map(|round| (0..parts).map(move |part| Task { round, part })).collect()
+    }
+
+    fn part(&self, task: Task) -> &Part {
+        &self.seen.parts[task.part as usize]
+    }
+}
+
+fn absolute(name: &str) -> Result<String> {
+    name_of(plan::noted_path(&path_of(name))?)
+}
+
+/// Blocks, and the regions of each.
+fn parts(regions: &[Region], blocks: Vec<Region>) -> Vec<Part> {
+    let mut next = 0;
+    let part = |block: Region| {
+        let is_in = |region: &&Region| {
+            (0..2).all(|i| block.low[i] <= region.low[i] && region.low[i] < block.end[i])
+        };
+        let first = next;
+        next += regions[first..].iter().take_while(is_in).count();
+        Part { block, regions: first..next }
+    };
+    blocks.into_iter().map(part).collect()
+}
+
+/// What is worked on, in a task or at the end.
+struct Desk<'a> {
+    mesh: &'a CloudMesh,
+    opened: &'a Opened,
+    ready: &'a Ready<'a>,
+    tiling: Tiling,
+    hull: Vec<Point>,
+    regions: Regions,
+    lines: Lines<'a>,
+    at: At<'a>,
+}
+
+impl<'a> Desk<'a> {
+    fn new(mesh: &'a CloudMesh, (opened, ready): (&'a Opened, &'a Ready<'a>), at: At<'a>) -> Self {
+        let tiling = ready.tiling();
+        let hull: Vec<_> = mesh.seen.hull.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
+        let regions = Regions::known(&mesh.seen.regions, &tiling);
+        let mut lines = Lines::new(&ready.kept, Hull::of(hull.clone()), &tiling);
+        lines.divide(&regions, &tiling);
+        Self { mesh, opened, ready, tiling, hull, regions, lines, at }
+    }
+
+    /// The work on some points, so many bytes being held beside them.
+    fn work<'w>(&'w self, points: &'w PointStore, held: u64) -> Result<cloud_tin::Work<'w>> {
+        self.ready.work((points, &self.regions, &self.lines), held, self.at)
+    }
+
+    fn empty(&self, bytes: u64) -> PointStore {
+        PointStore::empty(self.tiling, self.ready.folder(), bytes)
+    }
+
+    /// The points in a window, those of some squares only where these are named.
+    fn read(&self, within: Window, squares: Option<&[usize]>) -> Result<PointStore> {
+        let filling = self.ready.filling(self.at);
+        let filling = crate::points::Filling { within: Some(within), ..filling };
+        let empty = self.empty(filling.memory);
+        let empty = match squares {
+            Some(squares) => empty.only(squares.iter().copied()),
+            None => empty,
+        };
+        empty.filled(&*self.opened.source, &filling)
+    }
+
+    /// The points of these regions.
+    fn read_regions(&self, regions: &[usize]) -> Result<PointStore> {
+        let of = |number: &usize| &self.regions.all[*number];
+        let squares: Vec<_> =
+            regions.iter().flat_map(|number| of(number).squares(&self.tiling)).collect();
+        let windows = regions.iter().map(|number| of(number).window(&self.tiling));
+        match windows.reduce(|all, one| all.union(&one)) {
+            None => Ok(self.empty(0)),
+            Some(within) => self.read(within, Some(&squares)),
+        }
+    }
+
+    /// The vertices that some regions choose among the points around them; all points where all are wanted.
+    fn choose(&self, block: &Region, regions: Range<usize>) -> Result<PointStore> {
+        let band = self.tiling.side() / BAND;
+        let points = self.read(block.window(&self.tiling).grown(band), None)?;
+        let (work, tolerance) = (self.work(&points, 0)?, self.ready.tolerance());
+        if tolerance == 0.0 {
+            return Ok(points);
+        }
+        let vertices = self.empty(work.vertex_bytes);
+        let about = (tolerance, &self.hull[..]);
+        first_choice(&work, regions, about, &self.empty(0), &vertices)?;
+        Ok(vertices)
+    }
+
+    /// What the regions of a task find that have to look in its round: each with what it found.
+    fn look(&self, task: Task, survey: &Survey<'_, CloudMesh>) -> Result<Vec<(usize, Look)>> {
+        let (mesh, regions) = (self.mesh, self.mesh.part(task).regions.clone());
+        let all = shelves(survey, mesh.tasks_of(0..task.round))?;
+        let due = match task.round {
+            1 => regions.collect(),
+            round => {
+                let changed = shelves(survey, mesh.tasks_of(round - 1..round))?;
+                let due =
+                    due(&looks(survey, task)?, changed.squares().map(|(s, _)| s), &self.tiling);
+                due.into_iter().map(|number| regions.start + number).collect::<Vec<_>>()
+            }
+        };
+        let (points, held) = (self.read_regions(&due)?, all.bytes());
+        let work = self.work(&points, held)?;
+        let vertices = self.empty(work.vertex_bytes).over(all);
+        look_at_all(&work, &vertices, (self.ready.tolerance(), &self.hull), &due)
+    }
+
+    /// Adds vertices until nothing is left to add, after all rounds.
+    fn settle(
+        &self,
+        survey: &Survey<'_, CloudMesh>,
+        work: &cloud_tin::Work<'_>,
+        vertices: &PointStore,
+    ) -> Result<Errors> {
+        let (rounds, tolerance) = (self.mesh.rounds(), self.ready.tolerance());
+        let last = self.mesh.tasks_of(rounds..rounds + 1);
+        let seen = last.iter().map(|task| looks(survey, Task { round: rounds + 1, ..*task }));
+        let seen = seen.collect::<Result<Vec<_>>>()?.concat();
+        let changed = shelves(survey, last)?;
+        let settling = Settling::after(seen, changed.squares().map(|(s, _)| s), &self.tiling);
+        let settled = settling.run(vertices, |due| {
+            let points = self.read_regions(due)?;
+            let work = cloud_tin::Work { points: &points, ..*work };
+            look_at_all(&work, vertices, (tolerance, &self.hull), due)
+        })?;
+        Ok(settled.end(tolerance).0)
+    }
+}
+
+/// The vertices in the objects of some tasks.
+fn shelves(survey: &Survey<'_, CloudMesh>, tasks: Vec<Task>) -> Result<Shelves> {
+    let object = |task: Task| {
+        let (path, done) = survey.object(task)?;
+        Ok((path, done.facts.index))
+    };
+    Shelves::open(tasks.into_iter().map(object).collect::<Result<Vec<_>>>()?)
+}
+
+/// What the regions of a task found when they looked last, before its round.
+fn looks(survey: &Survey<'_, CloudMesh>, task: Task) -> Result<Vec<Look>> {
+    let regions = survey.folder.plan.work.part(task).regions.clone();
+    let mut looks = vec![Look::settled(Window::ALL, 0); regions.len()];
+    for round in 1..task.round {
+        let (_, done) = survey.object(Task { round, ..task })?;
+        for &(region, [low, high], points) in &done.facts.looks {
+            looks[region - regions.start] = Look::settled(Window { low, high }, points);
+        }
+    }
+    Ok(looks)
+}
+
+/// Puts the points of a block of squares into an object; returns how many there are.
+fn put(store: &PointStore, block: &Region, object: &Path) -> Result<(u64, Digest)> {
+    let mut writer = ShelfWriter::create(object)?;
+    let (mut points, mut count) = (Vec::new(), 0);
+    for square in block.squares(store.tiling()) {
+        store.load_distinct(square, &mut points)?;
+        writer.put(square, &points)?;
+        count += points.len() as u64;
+    }
+    Ok((count, writer.finish()?))
+}
+
+impl Work for CloudMesh {
+    const KIND: Kind = Kind::Cloud;
+    const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
+
+    type Task = Task;
+    type Facts = Facts;
+    type Run = PointRun;
+    type Note = CloudTinReport;
+    type Status = PointStatus;
+    type Opened = Opened;
+
+    fn check(&self) -> Result<()> {
+        limits::check("number of tasks of a round", self.seen.parts.len() as u64, MOST_PARTS)
+    }
+
+    fn tasks(&self) -> Vec<Task> {
+        self.tasks_of(0..self.rounds() + 1)
+    }
+
+    fn before(&self, task: Task) -> Vec<Task> {
+        self.tasks_of(0..task.round)
+    }
+
+    fn size(&self, task: Named<Task>) -> u64 {
+        match task {
+            Named::Task(task) => self.part(task).block.points,
+            Named::Finish => self.seen.census.kept,
+        }
+    }
+
+    fn tell(&self) -> CloudTinStatus {
+        let (max_error, points) = (self.method.max_error, self.seen.census.kept);
+        StatusReport {
+            format: self.method.format.clone(),
+            of: PointStatus { max_error, points, regions: self.seen.regions.len() as u64 },
+            ..StatusReport::default()
+        }
+    }
+
+    fn check_name(&self, output: &Path, _: &Form) -> Result<()> {
+        refuse_other_name(self.format()?, output)
+    }
+
+    fn output(&self, _: &Form) -> Result<PathBuf> {
+        let format = self.format()?;
+        Ok(Path::new("mesh").with_extension(format.extensions[0]))
+    }
+
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
+        let Order { output, overwrite, resources, .. } = order;
+        let Self { method, cloud, .. } = &plan.work;
+        let resources = beside_polygons(&method.options, &resources);
+        let options = OpenOptions { threads: resources.threads, ..method.options.clone() };
+        let job = CloudTinJob {
+            overwrite,
+            options,
+            format: Some(method.format.clone()),
+            ..CloudTinJob::new(method.inputs.clone(), output, method.max_error, resources)
+        };
+        let opened = Opened::new(job, plan.label.clone())?;
+        refuse_another("cloud", &plan.label, cloud, &Found::of(opened.source.info())?)?;
+        Ok(opened)
+    }
+
+    fn check_output(opened: &Opened, _: At<'_>) -> Result<()> {
+        let (CloudTinJob { output, overwrite, .. }, ready) = (&opened.job, opened.ready()?);
+        drop(AtomicFile::create(output, *overwrite)?);
+        check_prj(output, &ready.info.crs, *overwrite)
+    }
+
+    fn make(
+        opened: &Opened,
+        (task, object): (Task, &Path),
+        survey: &Survey<'_, Self>,
+        run: &mut PointRun,
+        at: At<'_>,
+    ) -> Result<Made<Facts>> {
+        let (mesh, ready) = (&survey.folder.plan.work, opened.ready()?);
+        let (desk, part) = (Desk::new(mesh, (opened, &ready), at), mesh.part(task));
+        let (vertices, mut found) = match task.round {
+            0 => (desk.choose(&part.block, part.regions.clone())?, Vec::new()),
+            _ => {
+                let (found, open) = (desk.look(task, survey)?, desk.empty(u64::MAX));
+                found.iter().try_for_each(|(_, look)| open.add(&look.open))?;
+                (open, found)
+            }
+        };
+        found.sort_unstable_by_key(|(region, _)| *region);
+        let (points, index) = put(&vertices, &part.block, object)?;
+        run.vertices += points;
+        let look = |(region, look): (usize, Look)| {
+            let Window { low, high } = look.influence;
+            (region, [low, high], look.errors.points)
+        };
+        let facts = Facts { points, index, looks: found.into_iter().map(look).collect() };
+        Ok(Made { facts, digest: None, spilled: vertices.spilled() })
+    }
+
+    fn write(
+        opened: &Opened,
+        survey: &Survey<'_, Self>,
+        run: &mut PointRun,
+        at: At<'_>,
+    ) -> Result<CloudTinReport> {
+        let (started, mesh, ready) = (Instant::now(), &survey.folder.plan.work, opened.ready()?);
+        let (desk, mut clock) = (Desk::new(mesh, (opened, &ready), at), Clock::default());
+        let (none, all) = (desk.empty(0), shelves(survey, mesh.tasks())?);
+        let work = desk.work(&none, all.bytes())?;
+        let vertices = desk.empty(work.vertex_bytes).over(all);
+        let errors = match mesh.rounds() {
+            0 => Errors::default(),
+            _ => desk.settle(survey, &work, &vertices)?,
+        };
+        clock.lap("prove", vertices.count());
+        let written = write(&work, &vertices, &desk.hull, &ready.info.frame, ready.sink()?)?;
+        clock.lap("write", written.vertices);
+        let Census { kept, .. } = mesh.seen.census;
+        let stacked = kept - if mesh.rounds() == 0 { written.vertices } else { errors.points };
+        let (spilled, apart) = (vertices.spilled(), Vec::new());
+        let made = cloud_tin::Made { written, errors, stacked, spilled, apart };
+        let mut report = cloud_tin::report(&ready, &work, mesh.seen.census, &made, clock)?;
+        report.of_source(&*opened.source, &mesh.seen.losses, started);
+        run.mesh = Some(report.clone());
+        Ok(report)
+    }
+
+    fn written(note: CloudTinReport, output: &Path, run: &mut PointRun) {
+        run.mesh = Some(CloudTinReport { output: output.display().to_string(), ..note });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_have_each_region_once() {
+        let region =
+            |low: [u32; 2], side: u32| Region { low, end: low.map(|at| at + side), points: 1 };
+        let regions = [
+            region([0, 0], 1),
+            region([1, 0], 1),
+            region([2, 0], 2),
+            region([0, 2], 2),
+            region([2, 2], 1),
+            region([3, 3], 1),
+        ];
+        let of = |blocks: Vec<Region>| -> Vec<Range<usize>> {
+            parts(&regions, blocks).into_iter().map(|part| part.regions).collect()
+        };
+        assert!(of(vec![region([0, 0], 4)]) == vec![0..6; 1]);
+        let quarters = [[0, 0], [2, 0], [0, 2], [2, 2]].map(|low| region(low, 2));
+        assert_eq!(of(quarters.to_vec()), [0..2, 2..3, 3..4, 4..6]);
+    }
+}

@@ -1,0 +1,134 @@
+//! What the work on a mesh of a cloud will take, from squares that choose vertices as all will.
+
+use super::mesh::{CloudMesh, Opened};
+use crate::cloud_tin::REGION_POINTS;
+use crate::cloud_tin::choose::{BAND, first_choice};
+use crate::cloud_tin::lines::Lines;
+use crate::cloud_tin::ready::Ready;
+use crate::cloud_tin::regions::{Region, Regions};
+use crate::points::{ENTRY, POINT, PointStore, Tiling};
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_delaunay::Hull;
+use terrane_engine::memory::polygon_bytes;
+use terrane_engine::plan::{At, Needs};
+
+/// Squares that are tried.
+const TRIED: u32 = 96;
+/// Parts of one that places go on by along x and y, so that any number of them lie evenly (Roberts 2018).
+const STEPS: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_2];
+/// Nanoseconds of one thread for a point in all tasks, and for a vertex that is written, as measured on one machine;
+/// see benches/RESULTS.md.
+const NANOSECONDS: [f64; 2] = [3300.0, 2000.0];
+/// What a few squares say less of all.
+const MARGIN: f64 = 1.15;
+/// Bytes of the note on a region that looked.
+const LOOK: u64 = 80;
+
+/// A few squares, and the points in and around them.
+pub(super) struct Sample {
+    squares: Vec<usize>,
+    points: PointStore,
+}
+
+impl Sample {
+    /// Of no points yet.
+    pub(super) fn new(ready: &Ready<'_>) -> Self {
+        let tiling = ready.tiling();
+        let squares = places(&tiling);
+        let around =
+            |square: &usize| tiling.touching(tiling.window_of(*square).grown(tiling.side() / BAND));
+        let memory = ready.job.resources.memory / 8;
+        let points = PointStore::empty(tiling, ready.folder(), memory);
+        let points = points.only(squares.iter().flat_map(around));
+        Self { squares, points }
+    }
+
+    /// Takes those of some points that lie there.
+    pub(super) fn take(&self, points: &[Point]) -> Result<()> {
+        self.points.add(points)
+    }
+
+    /// Vertices for each point; all points where there is nothing to try.
+    pub(super) fn share(&self, ready: &Ready<'_>, hull: &Hull, at: At<'_>) -> Result<f64> {
+        let tiling = self.points.tiling();
+        let few = |square: usize| {
+            let count = self.points.summary(square).map_or(0, |summary| summary.count);
+            let low = [square % tiling.counts()[0] as usize, square / tiling.counts()[0] as usize];
+            let low = low.map(|at| at as u32);
+            let region = Region { low, end: low.map(|at| at + 1), points: count };
+            (1..=REGION_POINTS).contains(&count).then_some(region)
+        };
+        let regions: Vec<_> = self.squares.iter().filter_map(|&square| few(square)).collect();
+        let tried: u64 = regions.iter().map(|region| region.points).sum();
+        if ready.tolerance() == 0.0 || tried == 0 {
+            return Ok(1.0);
+        }
+        let (count, regions) = (regions.len(), Regions::known(&regions, tiling));
+        let mut lines = Lines::new(&ready.kept, hull.clone(), tiling);
+        lines.divide(&regions, tiling);
+        let empty = || PointStore::empty(*tiling, ready.folder(), ready.job.resources.memory / 8);
+        let (vertices, none) = (empty(), empty());
+        let work = ready.work((&self.points, &regions, &lines), 0, at)?;
+        let about = (ready.tolerance(), &hull.corners()[..]);
+        first_choice(&work, 0..count, about, &none, &vertices)?;
+        Ok((MARGIN * vertices.count() as f64 / tried as f64).min(1.0))
+    }
+}
+
+/// Squares evenly over all, half of them at the most, each once.
+fn places(tiling: &Tiling) -> Vec<usize> {
+    let place = |i: u32| {
+        let along = |axis: usize| {
+            let at = (f64::from(i) * STEPS[axis]).fract() * f64::from(tiling.counts()[axis]);
+            (at as u32).min(tiling.counts()[axis] - 1)
+        };
+        tiling.square([along(0), along(1)])
+    };
+    let count = TRIED.min(tiling.count().div_ceil(2) as u32);
+    let mut places: Vec<_> = (0..count).map(place).collect();
+    places.sort_unstable();
+    places.dedup();
+    places
+}
+
+/// What the plan will take, of whose points such a `share` will be vertices.
+pub(super) fn expect(opened: &Opened, mesh: &CloudMesh, share: f64) -> Result<Needs> {
+    let (ready, regions) = (opened.ready()?, &mesh.seen.regions);
+    let points: u64 = regions.iter().map(|region| region.points).sum();
+    let vertices = (points as f64 * share) as u64;
+    let squares = ready.tiling().count() as u64;
+    let most = regions.iter().map(|region| region.points).max().unwrap_or(0);
+    let worker = ready.division.worker(most, 0);
+    let [task, writing] = NANOSECONDS.map(|n| n * 1e-9);
+    Ok(Needs {
+        // Squares of all rounds are known by their indices, twice while these are put in order.
+        memory: ready.division.least(worker, 6 * squares * ENTRY)
+            + polygon_bytes(&ready.job.options),
+        thread_memory: worker * 8 / ready.division.workers,
+        objects: vertices * POINT + squares * ENTRY + 2 * LOOK * regions.len() as u64,
+        output: (ready.format.most)().file_bytes(vertices, 2 * vertices),
+        seconds: [points as f64 * task, vertices as f64 * writing],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_even_and_few() {
+        for (wide, high) in [(1, 1), (7, 1), (9000, 200), (4000, 4000)] {
+            let corners = [Point::new(0, 0, 0), Point::new(wide - 1, high - 1, 0)];
+            let tiling = Tiling::new(corners, (wide * high) as u64 * 100);
+            let places = places(&tiling);
+            assert!(places.len() <= TRIED as usize && !places.is_empty());
+            assert!(places.len() * 2 <= tiling.count() + 1 && places.is_sorted());
+            if tiling.count() > 1000 {
+                assert!(places.len() > 80);
+                let half = places.partition_point(|&place| place < tiling.count() / 2);
+                assert!(half.abs_diff(places.len() / 2) < 4, "{half} of {}", places.len());
+            }
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! A job that is known by the headers of its cloud: what the mesh and its file will be like, and how the memory is
+//! divided.
+
+use std::path::Path;
+
+use super::lines::Lines;
+use super::regions::Regions;
+use super::{CloudTinJob, Work, no_surface};
+use crate::points::{Filling, PointStore, Tiling};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Point, Point3};
+use terrane_cloud::{CloudInfo, PointSource};
+use terrane_engine::Resources;
+use terrane_engine::beside;
+use terrane_engine::kept::Features;
+use terrane_engine::memory::{PROGRAM, too_little};
+use terrane_engine::on_cloud::OnCloud;
+use terrane_engine::placing::Placed;
+use terrane_engine::plan::At;
+use terrane_files::folder_for;
+use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions};
+
+/// How the memory is divided.
+pub(super) struct Division {
+    /// Eighths for points that wait, for vertices that wait, and for the program and its workers.
+    points: u64,
+    vertices: u64,
+    pub(super) workers: u64,
+    /// Bytes that a worker takes for each point of a region, its surroundings, its mesh and what of it
+    /// waits to be written included.
+    point_bytes: u64,
+}
+
+/// Where vertices are chosen among the points, and where every point is one: the mesh is larger then,
+/// and no vertices wait beside the points.
+const CHOSEN: Division = Division { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
+const ALL: Division = Division { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
+/// The same where lines have posts beside them.
+const ALL_AND_POSTS: Division = Division { points: 2, vertices: 2, workers: 4, point_bytes: 600 };
+
+impl Division {
+    fn of(tolerance: f64, kept: &OnCloud) -> &'static Self {
+        match (tolerance == 0.0, kept.has_lines()) {
+            (false, _) => &CHOSEN,
+            (true, false) => &ALL,
+            (true, true) => &ALL_AND_POSTS,
+        }
+    }
+
+    /// Bytes of a worker on regions of so many points and bytes of lines.
+    pub(super) fn worker(&self, most_points: u64, most_lines: u64) -> u64 {
+        (most_points * self.point_bytes + most_lines).max(1)
+    }
+
+    /// Least bytes for one worker, of which some are `held` all the while.
+    pub(super) fn least(&self, worker: u64, held: u64) -> u64 {
+        let eighth = (worker + PROGRAM).div_ceil(self.workers);
+        8 * eighth.max(LEAST_SHARED.div_ceil(self.points)) + held
+    }
+
+    /// Workers that fit in what the points leave of the memory.
+    fn workers(&self, worker: u64, held: u64, memory: u64) -> Result<usize> {
+        let eighth = memory.saturating_sub(held) / 8;
+        let fitting = (eighth * self.workers).saturating_sub(PROGRAM) / worker;
+        if fitting == 0 || eighth * self.points < LEAST_SHARED {
+            return Err(too_little(memory, self.least(worker, held)));
+        }
+        Ok(usize::try_from(fitting).unwrap_or(usize::MAX))
+    }
+}
+
+/// Fewest bytes for points and vertices that wait.
+const LEAST_SHARED: u64 = 8 << 20;
+
+/// A job on a cloud that is known by its headers: what the mesh and its file will be like.
+pub(super) struct Ready<'a> {
+    /// What the user calls the input.
+    pub(super) label: String,
+    pub(super) job: &'a CloudTinJob,
+    pub(super) info: &'a CloudInfo,
+    pub(super) bounds: [Point; 2],
+    pub(super) kept: OnCloud,
+    pub(super) format: &'static MeshFormat,
+    header: MeshHeader,
+    pub(super) placed: Placed,
+    pub(super) notes: Vec<String>,
+    pub(super) division: &'static Division,
+}
+
+impl<'a> Ready<'a> {
+    /// Of a job on points whose input the user calls `label`.
+    pub(super) fn new(
+        (job, label): (&'a CloudTinJob, &str),
+        points: &'a dyn PointSource,
+        features: Features,
+        format: &'static MeshFormat,
+    ) -> Result<Self> {
+        let info = points.info();
+        let bounds = info.bounds.ok_or_else(no_surface)?;
+        let kept = features.on_cloud(info, bounds)?;
+        let files = if points.files().is_empty() { job.inputs.names() } else { points.files() };
+        let source = job.inputs.label().map(str::to_owned);
+        let source = source.unwrap_or_else(|| beside::source(&beside::in_order(files)));
+        let mut header = header((job, &source), info, kept.and_heights(bounds), format)?;
+        let (placed, notes) =
+            job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
+        header.scale = placed.scale;
+        header.unit.clone_from(&placed.unit);
+        header.origin = placed.origin(header.origin, header.bounds);
+        let division = Division::of(job.tolerance, &kept);
+        let label = label.to_owned();
+        Ok(Self { label, job, info, bounds, kept, format, header, placed, notes, division })
+    }
+
+    /// What receives the mesh.
+    pub(super) fn sink(&self) -> Result<Box<dyn MeshSink>> {
+        let Resources { temp_dir, .. } = &self.job.resources;
+        let (overwrite, temp_dir) = (self.job.overwrite, temp_dir.clone());
+        let options = SinkOptions { overwrite, temp_dir, ..SinkOptions::default() };
+        (self.format.create)(&self.job.output, &self.header, &options)
+    }
+
+    /// Where squares of points lie.
+    pub(super) fn tiling(&self) -> Tiling {
+        Tiling::new(self.bounds, self.info.count)
+    }
+
+    /// How points are read.
+    pub(super) fn filling<'f>(&'f self, at: At<'f>) -> Filling<'f> {
+        let memory = self.job.resources.memory.saturating_sub(self.kept.bytes());
+        Filling {
+            threads: self.job.resources.threads.max(1),
+            memory: memory / 8 * self.division.points,
+            folder: self.folder(),
+            within: None,
+            progress: at.progress,
+            cancel: at.cancel,
+        }
+    }
+
+    pub(super) fn folder(&self) -> &Path {
+        folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
+    }
+
+    /// The work on points, some bytes being `held` beside them all the while.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub(super) fn work<'w>(
+        &'w self,
+        (points, regions, lines): (&'w PointStore, &'w Regions, &'w Lines<'w>),
+        held: u64,
+        at: At<'w>,
+    ) -> Result<Work<'w>> {
+        let Resources { threads, memory, .. } = self.job.resources;
+        let worker = self.division.worker(regions.most_points(), lines.most_bytes());
+        Ok(Work {
+            points,
+            regions,
+            lines,
+            threads: threads.clamp(1, self.division.workers(worker, held, memory)?),
+            vertex_bytes: memory.saturating_sub(held) / 8 * self.division.vertices,
+            measure: self.job.measure,
+            folder: self.folder(),
+            progress: at.progress,
+            cancel: at.cancel,
+        })
+    }
+
+    /// The tolerance in steps.
+    pub(super) fn tolerance(&self) -> f64 {
+        in_steps(self.job.tolerance, self.info.frame.scale[2])
+    }
+}
+
+/// A tolerance in steps. What is a whole number of steps but for rounding is meant to be whole.
+pub(super) fn in_steps(tolerance: f64, step: f64) -> f64 {
+    let steps = tolerance / step;
+    let whole = steps.round();
+    if (steps - whole).abs() <= whole * 1e-12 { whole } else { steps }
+}
+
+fn header(
+    (job, source): (&CloudTinJob, &str),
+    info: &CloudInfo,
+    bounds: [Point; 2],
+    format: &MeshFormat,
+) -> Result<MeshHeader> {
+    let [low, high] = bounds;
+    let middle = |a: i32, b: i32| i32::midpoint(a, b);
+    let centre = Point::new(middle(low.x, high.x), middle(low.y, high.y), middle(low.z, high.z));
+    if format.single_precision {
+        check_single(bounds, centre, format)?;
+    }
+    let unit = info.crs.heights_unit().map(str::to_owned);
+    let promises = Promises {
+        source: Some(source.to_owned()),
+        max_error: Some(MaxError { value: job.tolerance, unit }),
+        keep_points: job.keep_points.as_deref().map(beside::label_of),
+        breaklines: job.breaklines.as_deref().map(beside::label_of),
+        ..Promises::default()
+    };
+    let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
+    let (crs, origin) = (info.crs.clone(), info.frame.world(centre));
+    Ok(MeshHeader {
+        crs,
+        origin,
+        scale: [1.0; 3],
+        unit: None,
+        bounds,
+        promises,
+        channels: Vec::new(),
+    })
+}
+
+/// Fails where f32 does not tell one step from the next.
+fn check_single(bounds: [Point; 2], centre: Point, format: &MeshFormat) -> Result<()> {
+    let far = |a: i32, b: i32| a.abs_diff(b) >= 1 << 23;
+    let is_far = |p: Point| far(p.x, centre.x) || far(p.y, centre.y) || far(p.z, centre.z);
+    if !bounds.into_iter().any(is_far) {
+        return Ok(());
+    }
+    let message = format!("{} stores f32, which does not hold a cloud of this extent", format.name);
+    Err(Error::usage(message).remedy("write PLY or OBJ, or a part of the cloud with ‹bounds›"))
+}

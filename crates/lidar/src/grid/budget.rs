@@ -1,0 +1,159 @@
+//! How the memory of a cloud-to-grid job is divided.
+//!
+//! | share | bytes |
+//! |---|---|
+//! | the program itself | [`PROGRAM`] |
+//! | half of all, if there is a surface: points it goes through | [`Budget::points`] |
+//! | the table of blocks | 64 for each |
+//! | each thread: a batch of points and what decodes it, later a block of the output | [`WORKER`] or more |
+//! | each thread: the columns of attributes, if there are any, and what decodes them | [`COLUMNS`] |
+//! | the rest: blocks of cells, those beyond it spilled | [`Budget::blocks`] |
+
+use terrane_base::error::{Error, Result};
+use terrane_engine::Resources;
+use terrane_engine::memory::{PROGRAM, too_little};
+use terrane_gridding::Recipe;
+use terrane_raster::write::{GridFormat, GridSink};
+
+use super::extent::Extent;
+use super::neighbours;
+
+const WORKER: u64 = 12 << 20;
+const COLUMNS: u64 = 8 << 20;
+/// Least for blocks.
+const LEAST: u64 = 8 << 20;
+/// Bytes of a block's place in the table.
+const SLOT: u64 = 64;
+/// Blocks have 2^8 x 2^8 cells, or fewer where memory is short, down to 2^4 x 2^4.
+const MOST_SHIFT: u32 = 8;
+const LEAST_SHIFT: u32 = 4;
+/// Blocks that should fit into memory for each thread.
+const AT_HAND: u64 = 24;
+
+/// A divided budget.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    pub(super) threads: usize,
+    /// Bytes for cells.
+    pub(super) blocks: u64,
+    /// Bytes for points that surfaces go through.
+    pub(super) points: u64,
+    /// A block has 2^shift columns and rows.
+    pub(super) shift: u32,
+}
+
+impl Budget {
+    pub(super) fn divide(
+        resources: &Resources,
+        format: &GridFormat,
+        sink: &dyn GridSink,
+        extent: &Extent,
+        recipe: &Recipe,
+        points: u64,
+    ) -> Result<Self> {
+        let Resources { threads, memory: all, .. } = *resources;
+        let surface_share = if recipe.triangulates() { all / 2 } else { 0 };
+        let memory = all - surface_share;
+        let worker = worker(format, sink, extent, recipe);
+        let cells = cells(extent);
+        let cell = recipe.bytes_per_cell() as u64
+            + recipe.bytes_per_point() as u64 * points.div_ceil(cells);
+        let slots = |shift: u32| cells.div_ceil(1 << (2 * shift)).saturating_mul(SLOT);
+        let left = |threads: u64, shift: u32| {
+            memory.checked_sub(PROGRAM + slots(shift))?.checked_sub(threads * worker)
+        };
+        let fits = |threads: &u64| left(*threads, MOST_SHIFT).is_some_and(|left| left >= LEAST);
+        let threads = (1..=threads.max(1) as u64).rev().find(fits).ok_or_else(|| {
+            let least = PROGRAM + slots(MOST_SHIFT) + worker + LEAST;
+            too_small(all, if surface_share > 0 { 2 * least } else { least })
+        })?;
+        let good = |shift: &u32| {
+            let room = left(threads, *shift).unwrap_or(0);
+            (cell << (2 * shift)).saturating_mul(AT_HAND * threads) <= room && room >= LEAST
+        };
+        let shift = (LEAST_SHIFT..=MOST_SHIFT).rev().find(good).unwrap_or_else(|| {
+            let held = |shift: &u32| left(threads, *shift).is_some_and(|left| left >= LEAST);
+            (LEAST_SHIFT..=MOST_SHIFT).find(held).unwrap_or(MOST_SHIFT)
+        });
+        let blocks = left(threads, shift).unwrap_or(LEAST);
+        Ok(Self { threads: threads as usize, blocks, points: surface_share, shift })
+    }
+}
+
+impl Budget {
+    /// Bytes of memory with which both [`divide`](Self::divide) finds room for one thread, when half of
+    /// them go to points that are triangulated, and [`writing`](Self::writing) does.
+    pub(super) fn least(
+        format: &GridFormat,
+        sink: &dyn GridSink,
+        extent: &Extent,
+        recipe: &Recipe,
+    ) -> u64 {
+        let slots = cells(extent).div_ceil(1 << (2 * MOST_SHIFT)).saturating_mul(SLOT);
+        let one = PROGRAM + slots + LEAST + worker(format, sink, extent, recipe);
+        if recipe.triangulates() { 2 * one } else { one }
+    }
+
+    /// Fails where what is needed before is more than there is; what is advised then is enough for all.
+    pub(super) fn check(
+        resources: &Resources,
+        format: &GridFormat,
+        (sink, extent, recipe): (&dyn GridSink, &Extent, &Recipe),
+        before: u64,
+    ) -> Result<()> {
+        match before > resources.memory {
+            true => {
+                let least = before.max(Self::least(format, sink, extent, recipe));
+                Err(too_small(resources.memory, least))
+            }
+            false => Ok(()),
+        }
+    }
+
+    /// For the writing of a grid whose values are read from files: what is left for their blocks.
+    pub(super) fn writing(
+        resources: &Resources,
+        format: &GridFormat,
+        sink: &dyn GridSink,
+        extent: &Extent,
+        recipe: &Recipe,
+    ) -> Result<Self> {
+        let worker = WORKER.max(writing(format, sink, extent, recipe));
+        let left = |threads: usize| {
+            resources.memory.checked_sub(PROGRAM + LEAST + threads as u64 * worker)
+        };
+        let fits = |threads: &usize| left(*threads).is_some();
+        let threads = (1..=resources.threads.max(1)).rev().find(fits);
+        let least = PROGRAM + LEAST + worker;
+        let threads = threads.ok_or_else(|| too_small(resources.memory, least))?;
+        let blocks = LEAST + left(threads).unwrap_or(0) / 2;
+        Ok(Self { threads, blocks, points: 0, shift: MOST_SHIFT })
+    }
+}
+
+/// Bytes a thread needs.
+fn worker(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
+    let around = if recipe.triangulates() { neighbours::WORKER } else { 0 };
+    let columns = if recipe.attributes().is_empty() { 0 } else { COLUMNS };
+    columns + WORKER.max(around + writing(format, sink, extent, recipe))
+}
+
+fn cells(extent: &Extent) -> u64 {
+    let (width, height) = extent.lattice.size();
+    u64::from(width).saturating_mul(u64::from(height)).max(1)
+}
+
+/// Bytes a thread needs to write a block of the output, with what its voids are filled from.
+fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
+    let (width, height) = sink.block();
+    let (width, height) = (width.min(extent.output.width), height.min(extent.output.height));
+    let (width, height) = (u64::from(width), u64::from(height));
+    let around = 2 * u64::from(extent.fill);
+    let coded = 8 * recipe.bands().len() as u64;
+    let samples = width.saturating_mul(height).saturating_mul(format.bytes_per_sample + coded);
+    samples.saturating_add((width + around).saturating_mul(height + around).saturating_mul(8))
+}
+
+fn too_small(memory: u64, least: u64) -> Error {
+    too_little(memory, least).or("choose larger cells")
+}

@@ -1,0 +1,38 @@
+//! How values of options of grids are written.
+
+use terrane_gridding::parse_list;
+use terrane_options::{Codec, Json, Kind};
+
+use super::{Canopy, GroundFrom};
+use crate::translate::Classify;
+
+/// A value of a form of its own, by the text that it is written as.
+pub struct AsText;
+
+terrane_engine::by_text!(AsText, Kind::Text, Canopy Classify GroundFrom);
+
+/// A list of statistics.
+pub struct StatisticList;
+
+impl Codec<String> for StatisticList {
+    const KIND: Kind = Kind::Shaped("str | Sequence[str]");
+
+    fn parse(text: &str) -> Result<String, String> {
+        parse_list(text).map(|_| text.to_owned()).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_have_to_be_known() {
+        let parse = <StatisticList as Codec<String>>::parse;
+        assert!(parse("mean,max").is_ok() && parse("mean,modus").is_err());
+    }
+}

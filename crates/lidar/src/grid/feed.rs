@@ -1,0 +1,143 @@
+//! Reading the points of a cloud into the blocks of a grid.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::blocks::Blocks;
+use super::extent::Extent;
+use super::lane::{Lane, Outside};
+use super::queue::Queue;
+use crate::points::PointStore;
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_cloud::{Census, Columns, PointSource};
+use terrane_engine::Cancel;
+use terrane_engine::FileAt;
+use terrane_engine::Progress;
+use terrane_gridding::{Recipe, Selected, Selector};
+
+/// A cloud and the blocks it goes into.
+pub(super) struct Feed<'a> {
+    pub(super) source: &'a dyn PointSource,
+    /// What reads it with the attributes that the recipe takes, if it takes any.
+    pub(super) columns: Option<&'a dyn Columns>,
+    /// The parts of it that are read.
+    pub(super) parts: Vec<usize>,
+    pub(super) extent: &'a Extent,
+    pub(super) recipe: &'a Recipe,
+    pub(super) blocks: &'a Blocks<'a>,
+}
+
+/// What became of the points.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Fed {
+    pub(super) census: Census,
+    /// Points kept that lie in no cell that is written.
+    pub(super) outside: u64,
+}
+
+impl Feed<'_> {
+    /// Reads all parts on so many threads; `store` takes all points, where surfaces go through them.
+    pub(super) fn run(
+        &self,
+        store: Option<&PointStore>,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Fed> {
+        progress.begin("points", self.parts.iter().map(|part| self.source.points_of(*part)).sum());
+        let queue = Queue::new(self.parts.len(), threads);
+        let failed = AtomicBool::new(false);
+        let work = |thread| {
+            let worker = Worker::new(self, store);
+            let fed = self.work(worker, &queue, thread, &failed, (progress, cancel));
+            failed.fetch_or(fed.is_err(), Ordering::Relaxed);
+            fed
+        };
+        let all: Result<Vec<Fed>> = std::thread::scope(|scope| {
+            let work = &work;
+            let workers: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
+            let joined = workers.into_iter().map(|worker| worker.join());
+            joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+        });
+        progress.end();
+        let mut sum = Fed::default();
+        for fed in all? {
+            sum.census.add(&fed.census);
+            sum.outside += fed.outside;
+        }
+        Ok(sum)
+    }
+
+    fn work(
+        &self,
+        mut worker: Worker<'_>,
+        queue: &Queue,
+        thread: usize,
+        failed: &AtomicBool,
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<Fed> {
+        let mut census = Census::default();
+        while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
+            cancel.check()?;
+            let part = self.parts[part];
+            FileAt::tell(progress, self.source, part);
+            census.add(&self.read(part, &mut worker)?);
+            progress.advance(self.source.points_of(part));
+        }
+        Ok(Fed { census, outside: worker.outside() })
+    }
+
+    fn read(&self, part: usize, worker: &mut Worker<'_>) -> Result<Census> {
+        match self.columns {
+            Some(columns) => {
+                columns.read(part, &mut |points, columns| worker.take(points, columns))
+            }
+            None => self.source.read(part, &mut |points| worker.take(points, &[])),
+        }
+    }
+}
+
+/// What one thread needs to hand points to blocks.
+struct Worker<'a> {
+    store: Option<&'a PointStore>,
+    /// For each subject: how its points are found, where they are not all of them, and what takes them.
+    lanes: Vec<(Option<Selector>, Lane<'a>)>,
+    selected: Selected,
+    /// Counts what lies in no cell, where no lane sees all points.
+    apart: Option<Outside<'a>>,
+}
+
+impl<'a> Worker<'a> {
+    fn new(feed: &'a Feed<'a>, store: Option<&'a PointStore>) -> Self {
+        let (names, frame) = (feed.recipe.attributes(), feed.source.info().frame);
+        let lane = |(number, subject): (usize, &terrane_gridding::Subject)| {
+            let selector = (!subject.is_plain()).then(|| Selector::new(subject, &names, &frame));
+            (selector, Lane::new(feed, number))
+        };
+        let lanes: Vec<_> = feed.recipe.subjects().iter().enumerate().map(lane).collect();
+        let is_apart = !lanes.is_empty() && lanes.iter().all(|(selector, _)| selector.is_some());
+        let apart = is_apart.then(|| Outside::new(feed.extent));
+        Self { store, lanes, selected: Selected::default(), apart }
+    }
+
+    /// Hands a batch of points to the blocks they touch.
+    fn take(&mut self, points: &[Point], columns: &[Vec<f64>]) -> Result<()> {
+        let Self { store, lanes, selected, apart } = self;
+        store.map_or(Ok(()), |store| store.add(points))?;
+        apart.iter_mut().for_each(|outside| outside.take(points));
+        lanes.iter_mut().try_for_each(|(selector, lane)| match selector {
+            None => lane.take(points, &[]),
+            Some(selector) => {
+                selector.select(points, columns, selected);
+                lane.take(&selected.points, &selected.reals)
+            }
+        })
+    }
+
+    /// Points in no cell that is written.
+    fn outside(&self) -> u64 {
+        let whole = self.lanes.iter().find(|(selector, _)| selector.is_none());
+        let apart = self.apart.as_ref().map_or(0, |outside| outside.count);
+        whole.map_or(apart, |(_, lane)| lane.outside)
+    }
+}

@@ -1,0 +1,82 @@
+//! A model of the ground with level water: made as it is beside the output, then copied with its water.
+
+use std::time::Instant;
+
+use super::{GridJob, GridReport, GridStage};
+use terrane_base::error::{Error, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::memory::cache_beside;
+use terrane_engine::options::GridInput;
+use terrane_files::{folder_for, name_of};
+use terrane_raster::{self as raster, GridSource, OpenOptions, WaterReport};
+use terrane_terrain::convert::{copy_levels, task};
+
+/// What it is made as: what has no water to add holds all that is known of a grid.
+const FORMAT: &str = "store";
+
+/// Runs a checked job with the water of the file `water`.
+pub(super) fn run(
+    job: &GridJob,
+    water: &str,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<GridReport> {
+    let start = Instant::now();
+    let reading = GridInput::with_water(Some(water.to_owned()));
+    let cache_bytes = cache_beside(job.resources.memory);
+    let options = reading.options(&job.resources, cache_bytes)?;
+    let folder = folder_for(&job.output, job.resources.temp_dir.as_deref());
+    let temporary = tempfile::Builder::new()
+        .prefix(".terrane-")
+        .tempdir_in(folder)
+        .map_err(|e| Error::write(folder, e))?;
+    let bare = temporary.path().join("ground.tif");
+    let ground = GridJob {
+        output: bare.clone(),
+        format: Some(FORMAT.to_owned()),
+        creation: Vec::new(),
+        water: None,
+        ..job.clone()
+    };
+    let made = super::run(&ground, progress, cancel)?;
+    let begun = Instant::now();
+    let source = raster::open_all(&[name_of(bare)?], &options)?;
+    let (output_bytes, notes) = copy(&*source, job, &options, progress, cancel)?;
+    let water = options.water.and_then(|water| water.report());
+    let rising = water.iter().flat_map(WaterReport::notes).collect();
+    let mut report = GridReport {
+        output: job.output.display().to_string(),
+        format: job.format()?.name.to_owned(),
+        output_bytes,
+        water,
+        notes: [made.notes, notes, rising].concat(),
+        stages: [made.stages, vec![GridStage::since("water", begun)]].concat(),
+        ..made
+    };
+    report.run.wall_seconds = start.elapsed().as_secs_f64();
+    Ok(report)
+}
+
+/// Writes it as it would have been written without water; returns the bytes of the output, and what its format
+/// could not say.
+fn copy(
+    source: &dyn GridSource,
+    job: &GridJob,
+    options: &OpenOptions,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<(u64, Vec<String>)> {
+    let info = source.info();
+    let mut sink = job.format()?.create(&job.output, info, &job.write_options())?;
+    progress.begin("water", info.bounds().len() as u64);
+    let pieces = task::Pieces::new(info.bounds(), source, sink.as_ref(), options.cache_bytes);
+    let task =
+        task::Task { sources: &[source], window: info.bounds(), sink: sink.as_ref(), pieces };
+    task.run(job.resources.threads, progress, cancel)?;
+    progress.end();
+    copy_levels(sink.as_mut(), job.resources.threads, progress, cancel)?;
+    cancel.check()?;
+    let notes = sink.notes();
+    Ok((sink.finish()?, notes))
+}

@@ -1,0 +1,217 @@
+//! Making a grid, or a rectangle of one, from points: read, accumulate, write.
+
+use std::time::Instant;
+
+use super::GridJob;
+use super::blocks::Blocks;
+use super::budget::Budget;
+use super::extent::Extent;
+use super::feed::{Fed, Feed};
+use super::near::Near;
+use super::neighbours::{self, Heights, Surfaces};
+use super::preset::{self, Making, Model, Seen};
+use super::report::{BandReport, GridReport, GridStage};
+use super::source::{BandSource, Cells, Finished};
+use crate::points::{Limits, parts_in};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Frame;
+use terrane_cloud::{Columns, PointSource};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::figures::Figures;
+use terrane_engine::sift::Losses;
+use terrane_gridding::{Band, Recipe, Units};
+use terrane_raster::write::GridSink;
+use terrane_raster::{GridInfo, GridSource};
+use terrane_terrain::convert::{copy_levels, task};
+
+/// A grid to be made of a cloud, whole or in part.
+pub(super) struct Maker<'a> {
+    pub(super) points: &'a dyn PointSource,
+    pub(super) job: &'a GridJob,
+    pub(super) extent: Extent,
+    /// Only what may have points in it is read; a model needs what was seen of the whole cloud then.
+    pub(super) within: Option<Near>,
+    pub(super) seen: Option<&'a Seen>,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl<'a> Maker<'a> {
+    /// Of all cells of a job that was checked.
+    pub(super) fn of_whole(
+        points: &'a dyn PointSource,
+        job: &'a GridJob,
+        progress: &'a dyn Progress,
+        cancel: &'a Cancel,
+    ) -> Result<Self> {
+        let extent = Extent::new(points.info(), job)?;
+        Ok(Self { points, job, extent, within: None, seen: None, progress, cancel })
+    }
+
+    /// Makes and writes it from the whole cloud.
+    pub(super) fn make(&self) -> Result<GridReport> {
+        let more = || Error::new(ErrorKind::Internal, "a whole cloud was too little");
+        self.try_make()?.ok_or_else(more)
+    }
+
+    /// Makes and writes it; `None` when what lies `within` is too little to tell some cell.
+    pub(super) fn try_make(&self) -> Result<Option<GridReport>> {
+        let start = Instant::now();
+        let Self { job, extent, progress, cancel, .. } = self;
+        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let columns = self.columns(&recipe)?;
+        let info = extent.written(job);
+        let format = job.format()?;
+        let mut sink = format.create(&job.output, &info, &job.write_options())?;
+        let parts = self.parts();
+        let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
+        if job.preset.is_some() {
+            let least = preset::least(job, self.points.info(), self.seen);
+            Budget::check(&job.resources, format, (sink.as_ref(), extent, &recipe), least)?;
+        }
+        let budget = Budget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
+        let blocks = Blocks::new(&recipe, extent, &budget, job.spill_folder());
+        let columns = columns.as_deref();
+        let feed =
+            Feed { source: self.points, columns, parts, extent, recipe: &recipe, blocks: &blocks };
+        let (fed, heights) = self.gather(&feed, budget.threads, budget.points)?;
+        let accumulated = GridStage::since("points", start);
+        let begun = Instant::now();
+        let (units, max_edge) = (self.units(), job.max_edge);
+        let finished = Finished { blocks: &blocks, extent, units, heights, max_edge };
+        let bands = Bands { cells: &finished, bands: recipe.bands(), info: &info };
+        let valid = bands.write(sink.as_mut(), budget.threads, *progress, cancel);
+        if finished.heights.as_ref().is_some_and(Heights::is_exceeded) {
+            return Ok(None);
+        }
+        let valid = valid?;
+        cancel.check()?;
+        let through = finished.heights.as_ref().map_or(0, Heights::spilled_bytes);
+        let made_of = finished.heights.as_ref().map_or(&[][..], Heights::notes).to_vec();
+        let notes = [extent.notes.clone(), made_of, sink.notes()].concat();
+        let output_bytes = sink.finish()?;
+        let mut losses = Losses::of(self.points);
+        finished.heights.iter().filter_map(Heights::losses).for_each(|more| losses.add(more));
+        Ok(Some(GridReport {
+            points: fed.census,
+            losses,
+            outside_grid: fed.outside,
+            bands: bands.reports(&valid),
+            notes,
+            output_bytes,
+            points_per_second: fed.census.read as f64 / accumulated.seconds,
+            stages: vec![accumulated, GridStage::since("write", begun)],
+            run: Figures::since(start, &job.resources)
+                .with_threads(budget.threads)
+                .with_spilled(blocks.spilled_bytes() + through),
+            ..report(job, &info, extent)
+        }))
+    }
+
+    /// What reads the cloud with the attributes that the statistics take, if they take any.
+    fn columns(&self, recipe: &Recipe) -> Result<Option<Box<dyn Columns + '_>>> {
+        let names = recipe.attributes();
+        (!names.is_empty()).then(|| self.points.columns(&names)).transpose()
+    }
+
+    /// The parts of the cloud that are read.
+    fn parts(&self) -> Vec<usize> {
+        match &self.within {
+            Some(near) => parts_in(self.points, &near.window()),
+            None => (0..self.points.parts()).collect(),
+        }
+    }
+
+    /// Reads the points; what goes through their neighbours may hold `memory` bytes of them.
+    fn gather(
+        &self,
+        feed: &Feed<'_>,
+        threads: usize,
+        memory: u64,
+    ) -> Result<(Fed, Option<Heights>)> {
+        let Self { points, job, progress, cancel, .. } = *self;
+        if let Some(preset) = job.preset {
+            let reading = job.reading();
+            let part = self.within.zip(self.seen);
+            let extent = &self.extent;
+            let making =
+                Making { job, extent, reading, threads, memory, points, part, progress, cancel };
+            let model = Model::new(preset, points.info(), &making)?;
+            let fed = Fed { census: model.census, outside: 0 };
+            return Ok((fed, Some(Heights::Model(Box::new(model)))));
+        }
+        let limits = || self.within.map(|near| Limits::new(points, near.window()));
+        let store = (memory > 0).then(|| {
+            neighbours::store(points.info(), job.spill_folder(), memory).limited(limits())
+        });
+        let fed = feed.run(store.as_ref(), threads, progress, cancel)?;
+        let surfaces = store.map(|store| Surfaces::new(store, points.info().frame));
+        Ok((fed, surfaces.transpose()?.map(Box::new).map(Heights::Surfaces)))
+    }
+
+    fn units(&self) -> Units {
+        let Frame { scale, offset } = self.points.info().frame;
+        Units { scale: scale[2], offset: offset[2], area: self.extent.lattice.area() }
+    }
+}
+
+/// Bands whose values are known.
+pub(super) struct Bands<'a> {
+    pub(super) cells: &'a dyn Cells,
+    pub(super) bands: &'a [Band],
+    /// The grid as it is written.
+    pub(super) info: &'a GridInfo,
+}
+
+impl Bands<'_> {
+    /// Hands the values of all bands to the sink; returns how many cells of each have one.
+    pub(super) fn write(
+        &self,
+        sink: &mut dyn GridSink,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Vec<u64>> {
+        let bands = (0..self.bands.len()).map(|number| BandSource::new(self, number));
+        let bands: Vec<_> = bands.collect();
+        let sources: Vec<_> = bands.iter().map(|band| band as &dyn GridSource).collect();
+        let window = self.info.bounds();
+        progress.begin("write", window.len() as u64);
+        let pieces = task::Pieces::new(window, &bands[0], sink, 0);
+        let task = task::Task { sources: &sources, window, sink, pieces };
+        task.run(threads, progress, cancel)?;
+        progress.end();
+        copy_levels(sink, threads, progress, cancel)?;
+        Ok(bands.iter().map(BandSource::valid).collect())
+    }
+
+    pub(super) fn reports(&self, valid: &[u64]) -> Vec<BandReport> {
+        let report = |(band, &valid): (&Band, &u64)| BandReport { name: band.label.clone(), valid };
+        self.bands.iter().zip(valid).map(report).collect()
+    }
+}
+
+/// What is known of a grid before it is made.
+pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &Extent) -> GridReport {
+    let [west, y, cell_x, cell_y] = {
+        let t = info.transform;
+        [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e, t.a, -t.e]
+    };
+    GridReport {
+        input: job.input.join(", "),
+        output: job.output.display().to_string(),
+        format: job.format().map_or(String::new(), |format| format.name.to_owned()),
+        width: info.width,
+        height: info.height,
+        cells: u64::from(info.width) * u64::from(info.height),
+        cell: [cell_x, cell_y],
+        corner: [west, y],
+        crs: info.crs.label(),
+        vertical_unit: info.crs.vertical_unit.clone(),
+        sample_type: info.sample_type.name().to_owned(),
+        nodata: job.nodata,
+        radius: extent.radius(&job.rules(extent.cell()), job),
+        ..GridReport::default()
+    }
+}

@@ -1,0 +1,171 @@
+//! Bands that need the points around a cell, not only those in it.
+
+use std::path::Path;
+
+use super::extent::{Extent, Piece};
+use super::preset::{Model, more_is_needed};
+use crate::points::{Around, PointStore, Positions, Surface, Tiling};
+use terrane_base::error::Result;
+use terrane_base::geom::{Frame, Point, Rect};
+use terrane_cloud::CloudInfo;
+use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
+use terrane_engine::sift::Losses;
+use terrane_gridding::{Shape, Statistic};
+
+/// Bytes that a thread holds for the points around the cells it is at.
+pub(crate) const WORKER: u64 = 32 << 20;
+
+/// All points of a cloud, for surfaces through them.
+pub(crate) struct Surfaces {
+    store: PointStore,
+    hull: Hull,
+    frame: Frame,
+}
+
+/// What bands are made of that are not statistics of the points of a cell.
+pub(super) enum Heights {
+    Surfaces(Box<Surfaces>),
+    Model(Box<Model>),
+}
+
+impl Heights {
+    /// The values of a band at the centres of cells, NaN where there is none.
+    pub(super) fn values(
+        &self,
+        statistic: Statistic,
+        piece: Piece<'_>,
+        out: &mut [f64],
+    ) -> Result<()> {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.values(statistic, piece, out),
+            Self::Model(model) => model.values(piece, out),
+        }
+    }
+
+    /// True when points were needed that were not read.
+    pub(super) fn is_exceeded(&self) -> bool {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.store.is_exceeded(),
+            Self::Model(model) => model.is_exceeded(),
+        }
+    }
+
+    /// Which points they are made of, where not of all.
+    pub(super) fn notes(&self) -> &[String] {
+        match self {
+            Self::Surfaces(_) => &[],
+            Self::Model(model) => &model.notes,
+        }
+    }
+
+    /// Files whose damage was passed over, where they are read for these alone.
+    pub(super) fn losses(&self) -> Option<&Losses> {
+        match self {
+            Self::Surfaces(_) => None,
+            Self::Model(model) => Some(&model.losses),
+        }
+    }
+
+    /// Bytes that went to temporary files.
+    pub(super) fn spilled_bytes(&self) -> u64 {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.spilled_bytes(),
+            Self::Model(model) => model.spilled_bytes(),
+        }
+    }
+}
+
+/// A store for the points of a cloud, of which about `memory` bytes may be in memory.
+pub(super) fn store(cloud: &CloudInfo, folder: &Path, memory: u64) -> PointStore {
+    PointStore::empty(tiling(cloud), folder, memory)
+}
+
+/// Squares for the points of a cloud.
+pub(crate) fn tiling(cloud: &CloudInfo) -> Tiling {
+    let nowhere = [Point::default(); 2];
+    Tiling::new(cloud.bounds.unwrap_or(nowhere), cloud.count)
+}
+
+impl Surfaces {
+    /// Through the points of a store that is complete.
+    pub(crate) fn new(store: PointStore, frame: Frame) -> Result<Self> {
+        let hull = store.hull()?;
+        Ok(Self { store, hull, frame })
+    }
+
+    /// The points.
+    pub(crate) fn store(&self) -> &PointStore {
+        &self.store
+    }
+
+    /// Bytes that went to the temporary file.
+    pub(super) fn spilled_bytes(&self) -> u64 {
+        self.store.spilled()
+    }
+
+    /// The values of a statistic at the centres of cells, NaN where there is no surface.
+    pub(super) fn values(
+        &self,
+        statistic: Statistic,
+        piece: Piece<'_>,
+        out: &mut [f64],
+    ) -> Result<()> {
+        let shape = match statistic.shape() {
+            Some(Shape::Linear { max_edge: own }) => {
+                Shape::Linear { max_edge: own.or(piece.max_edge) }
+            }
+            Some(Shape::Natural) => Shape::Natural,
+            None => return Ok(()),
+        };
+        let Self { store, hull, frame } = self;
+        if store.is_exceeded() {
+            return Err(more_is_needed());
+        }
+        let surface = Surface { store, hull, frame: *frame, shape };
+        let centres = Centres::new(piece.extent, piece.rect, frame);
+        surface.fill(centres.positions(), out)
+    }
+
+    /// The height in steps of the linear surface at each of `points`, which lie near each other; `None`
+    /// beyond it.
+    pub(crate) fn under(
+        &self,
+        points: &[Point],
+        mut each: impl FnMut(&Point, Option<f64>),
+    ) -> Result<()> {
+        let site = |p: &Point| [p.x, p.y];
+        let Some(window) = Window::of(points.iter().map(site)) else { return Ok(()) };
+        let mut around = Around::new(&self.store, window)?;
+        let (positions, mut left) = (points.iter().map(|p| Position::of(site(p))), points.iter());
+        around.find_all(&self.hull, positions, |position, found| {
+            let height = match found {
+                Found::At(point) => Some(f64::from(point.z)),
+                Found::Triangle(corners) => Some(interpolate(&corners, position)),
+                Found::Outside => None,
+            };
+            left.next().into_iter().for_each(|point| each(point, height));
+        })
+    }
+}
+
+/// The centres of cells, in steps.
+pub(super) struct Centres {
+    xs: Vec<f64>,
+    ys: Vec<f64>,
+}
+
+impl Centres {
+    /// Of the cells of `rect`.
+    pub(super) fn new(extent: &Extent, rect: Rect, frame: &Frame) -> Self {
+        let (x, y) = (extent.lattice.x, extent.lattice.y);
+        let cols = rect.col..rect.col + rect.width;
+        let rows = rect.row..rect.row + rect.height;
+        let xs = cols.map(|col| frame.steps(0, x.world_centre(col.into()))).collect();
+        let ys = rows.map(|row| frame.steps(1, y.world_centre(row.into()))).collect();
+        Self { xs, ys }
+    }
+
+    pub(super) fn positions(&self) -> Positions<'_> {
+        Positions { xs: &self.xs, ys: &self.ys }
+    }
+}

@@ -1,0 +1,275 @@
+//! What the work on a grid will take, from a few small tiles that are made as all will be.
+
+use std::path::Path;
+use std::time::Instant;
+
+use tempfile::TempDir;
+
+use super::manifest::{BLOCK, Cells, Tile};
+use super::tile::Opened;
+use crate::grid::GridJob;
+use crate::grid::budget::Budget;
+use crate::grid::extent::Extent;
+use crate::grid::near::Near;
+use crate::grid::preset;
+use crate::points::parts_in;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_engine::memory::polygon_bytes;
+use terrane_engine::plan::{At, Needs, shared};
+use terrane_files::name_of;
+use terrane_gridding::Recipe;
+
+/// Small tiles along each side of the grid.
+const ALONG: u32 = 4;
+/// Most points that may lie in what is read for one: where a cloud is in no order, each would read
+/// much of it.
+const MOST_POINTS: u64 = 1 << 22;
+/// Most tiles whose points are counted.
+const MOST_COUNTED: usize = 256;
+/// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is
+/// triangulated, as measured on one machine; see benches/RESULTS.md. The second is for where nothing is
+/// tried: what statistics take depends on their radius and kind more than on the points.
+const POINT: [f64; 2] = [130.0, 400.0];
+/// The same where a method finds the ground, with its halos.
+const FOUND: f64 = 15_000.0;
+/// And for one of a spike-free surface, with its halos.
+const FROZEN: f64 = 2_000.0;
+/// Nanoseconds for a cell that is written.
+const CELL: f64 = 60.0;
+/// What a small tile says less of a grid: its ends, and tables of larger files.
+const MARGIN: f64 = 1.06;
+
+/// What the plan whose grid has these `cells` will take.
+pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs> {
+    let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
+    let places = places(cells);
+    let least = Least::of(opened, cells, folder.path())?;
+    let mut seen = Seen { block: least.block, ..Seen::default() };
+    at.progress.begin("sample", places.len() as u64);
+    for (number, rect) in places.iter().enumerate() {
+        let folder = folder.path().join(number.to_string());
+        std::fs::create_dir(&folder).map_err(|e| Error::write(&folder, e))?;
+        if let Some(tried) = probe(opened, *rect, &folder, at.silent())? {
+            seen.add(*rect, tried);
+        }
+        at.progress.advance(1);
+    }
+    at.progress.end();
+    let [objects, output] = seen.all(&opened.job, cells.all())?;
+    let read = to_read(opened, cells) as f64;
+    let points = match seen.making().filter(|_| !is_found(opened)) {
+        Some(cell) => read * POINT[0] * 1e-9 + cells.all().len() as f64 * cell,
+        None => read * point(opened) * 1e-9,
+    };
+    let writing = cells.all().len() as f64 * CELL * 1e-9;
+    // What one thread cannot do without is more than a further one takes.
+    let (memory, thread_memory) = (least.memory, least.memory);
+    let memory = memory + polygon_bytes(&opened.job.cloud);
+    Ok(Needs { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
+}
+
+/// Whether the ground is found, or a surface frozen, in squares with halos: small tiles take more of those
+/// than all will.
+fn is_found(Opened { job, seen, .. }: &Opened) -> bool {
+    let needs_ground = job.preset.is_some_and(|preset| preset::needs_ground(preset, job));
+    seen.as_ref().is_some_and(|seen| needs_ground && !seen.by_class || seen.square > 0)
+}
+
+/// Nanoseconds for a point, where that is not measured.
+fn point(opened: &Opened) -> f64 {
+    let Opened { job, seen, extent, .. } = opened;
+    let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+    let needs_ground = job.preset.is_some_and(|preset| preset::needs_ground(preset, job));
+    let usual = match seen {
+        Some(seen) if needs_ground && !seen.by_class => FOUND,
+        _ => POINT[usize::from(recipe.triangulates())],
+    };
+    let freezes = seen.as_ref().is_some_and(|seen| seen.square > 0);
+    usual + if freezes { FROZEN } else { 0.0 }
+}
+
+/// Points that all tiles read: each reads all parts that have some near it.
+fn to_read(opened: &Opened, cells: &Cells) -> u64 {
+    let tiles: Vec<Tile> = cells.tiles().collect();
+    let stride = tiles.len().div_ceil(MOST_COUNTED).max(1);
+    let counted = tiles.iter().step_by(stride);
+    let count = counted.len() as u64;
+    let points: u64 =
+        counted.map(|tile| points_near(opened, opened.near(cells.cells(*tile)))).sum();
+    (u128::from(points) * tiles.len() as u128 / u128::from(count.max(1))) as u64
+}
+
+/// Points of the parts that have some near.
+fn points_near(opened: &Opened, near: Option<Near>) -> u64 {
+    let points = &*opened.points;
+    match near {
+        Some(near) => {
+            let parts = parts_in(points, &near.window());
+            parts.iter().map(|part| points.points_of(*part)).sum()
+        }
+        None => points.info().count,
+    }
+}
+
+/// A tile that was tried.
+struct Tried {
+    /// Bytes of the tile, and of the grid written from it.
+    bytes: [u64; 2],
+    /// Points read.
+    points: u64,
+    /// Seconds that one thread would have taken.
+    seconds: f64,
+}
+
+/// Cells that were tried, and what they took.
+#[derive(Default)]
+struct Seen {
+    points: u64,
+    seconds: f64,
+    cells: u64,
+    /// With what fills up the blocks of the written grid.
+    padded: u64,
+    tiles: u64,
+    written: u64,
+    /// Columns and rows of a block of the written grid.
+    block: (u32, u32),
+}
+
+impl Seen {
+    fn add(&mut self, rect: Rect, tried: Tried) {
+        let [tile, written] = tried.bytes;
+        self.points += tried.points;
+        self.seconds += tried.seconds;
+        self.cells += rect.len() as u64;
+        self.padded += self.padded(rect);
+        self.tiles += tile;
+        self.written += written;
+    }
+
+    /// Seconds that one thread takes for the values of a cell, beside the reading of points; `None` where
+    /// nothing was tried.
+    fn making(&self) -> Option<f64> {
+        let reading = self.points as f64 * POINT[0] * 1e-9;
+        let is_tried = self.cells > 0;
+        is_tried.then(|| (self.seconds - reading).max(0.0) / self.cells as f64)
+    }
+
+    fn padded(&self, rect: Rect) -> u64 {
+        let (width, height) = self.block;
+        let fill = |cells: u32, block: u32| u64::from(cells).next_multiple_of(block.max(1).into());
+        fill(rect.width, width) * fill(rect.height, height)
+    }
+
+    /// Bytes of all tiles and of the written grid, rather too many than too few; as if nothing were
+    /// compressed where nothing was tried.
+    fn all(&self, job: &GridJob, all: Rect) -> Result<[u64; 2]> {
+        let values = job.stats.len() as u64;
+        let plain = values * job.sample_type.bytes() as u64;
+        let overviews = if job.format()?.has_overviews() { 4.0 / 3.0 } else { 1.0 };
+        let cells = all.len() as u64;
+        let of = |bytes: u64, seen: u64, all: u64| MARGIN * bytes as f64 * all as f64 / seen as f64;
+        let (tiles, written) = match self.cells {
+            0 => ((cells * values * 8) as f64, (self.padded(all) * plain) as f64),
+            // What is not compressed fills its blocks.
+            _ if self.written >= self.padded * plain => {
+                let written = of(self.written, self.padded, self.padded(all));
+                (of(self.tiles, self.cells, cells), written)
+            }
+            seen => (of(self.tiles, seen, cells), of(self.written, seen, cells)),
+        };
+        Ok([tiles as u64, (written * overviews) as u64])
+    }
+}
+
+/// Small tiles, evenly over the cells in both directions.
+fn places(cells: &Cells) -> Vec<Rect> {
+    let spans = |all: u32| -> Vec<[u32; 2]> {
+        // Of a small grid no more than a quarter is made.
+        let count = (all.div_ceil(BLOCK) / 2).clamp(1, ALONG);
+        let side = BLOCK.min(all);
+        let first =
+            |i: u32| (u64::from(all - side) * u64::from(2 * i + 1) / u64::from(2 * count)) as u32;
+        (0..count).map(|i| [first(i), side]).collect()
+    };
+    let cols = spans(cells.width);
+    let rect = |[row, height]: [u32; 2], [col, width]: [u32; 2]| Rect::new(col, row, width, height);
+    let row = |row| cols.iter().map(move |col| rect(row, *col));
+    spans(cells.height).into_iter().flat_map(row).collect()
+}
+
+/// A small tile, and the grid written from it; `None` when too much has to be read to tell.
+fn probe(opened: &Opened, rect: Rect, folder: &Path, at: At<'_>) -> Result<Option<Tried>> {
+    at.cancel.check()?;
+    let near = opened.near(rect);
+    if points_near(opened, near) > MOST_POINTS {
+        return Ok(None);
+    }
+    let (tile, started) = (folder.join("tile.tif"), Instant::now());
+    let Some(made) = opened.try_make(rect, &tile, near, at)? else {
+        return Ok(None);
+    };
+    let seconds = started.elapsed().as_secs_f64() / shared(1.0, made.run.threads);
+    let extent = opened.extent.part(rect, opened.points.info());
+    let files = [name_of(tile)?];
+    let job = written_in(&opened.job, folder)?;
+    let written = opened.write(&files, &job, &extent, at)?;
+    let bytes = [made.output_bytes, written.output_bytes];
+    Ok(Some(Tried { bytes, points: made.points.read, seconds }))
+}
+
+/// The job whose output is in `folder`.
+fn written_in(job: &GridJob, folder: &Path) -> Result<GridJob> {
+    let format = job.format()?;
+    let output = folder.join("grid").with_extension(format.extensions[0]);
+    Ok(GridJob { output, format: Some(format.name.to_owned()), ..job.clone() })
+}
+
+/// The least that the work needs.
+struct Least {
+    /// Bytes, for the largest tile and for the writing of the grid.
+    memory: u64,
+    /// Columns and rows of a block of the written grid.
+    block: (u32, u32),
+}
+
+impl Least {
+    fn of(opened: &Opened, cells: &Cells, folder: &Path) -> Result<Self> {
+        let tile = opened.extent.part(cells.cells(Tile(0)), opened.points.info());
+        let tile = Self::to_write(&opened.job_of(&folder.join("tile.tif")), &tile)?;
+        // Formats without blocks have lines as long as the grid is wide.
+        let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
+        let rows = opened.extent.part(rows, opened.points.info());
+        let whole = Self::to_write(&written_in(&opened.job, folder)?, &rows)?;
+        let ground = preset::least(&opened.job, opened.points.info(), opened.seen.as_ref());
+        Ok(Self { memory: whole.memory.max(tile.memory).max(ground), ..whole })
+    }
+
+    fn to_write(job: &GridJob, extent: &Extent) -> Result<Self> {
+        let (format, info) = (job.format()?, extent.written(job));
+        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let sink = format.create(&job.output, &info, &job.write_options())?;
+        let memory = Budget::least(format, sink.as_ref(), extent, &recipe);
+        Ok(Self { memory, block: sink.block() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_lie_within_and_are_few() {
+        for (width, height, count) in
+            [(1, 1, 1), (256, 300, 1), (257, 5000, 4), (1100, 1100, 4), (80_000, 80_000, 16)]
+        {
+            let cells = Cells::sized(width, height, BLOCK);
+            let places = places(&cells);
+            assert_eq!(places.len(), count, "{width} x {height}");
+            assert!(places.iter().all(|p| p.col + p.width <= width && p.row + p.height <= height));
+            let distinct = |i: usize| places[..i].iter().all(|other| *other != places[i]);
+            assert!((0..count).all(distinct), "{width} x {height}");
+        }
+    }
+}

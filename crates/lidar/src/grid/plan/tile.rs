@@ -1,0 +1,187 @@
+//! The object of one task: a GeoTIFF with the values of a tile's cells.
+
+use std::path::Path;
+use std::time::Instant;
+
+use crate::grid::budget::Budget;
+use crate::grid::extent::Extent;
+use crate::grid::make::{Bands, Maker, report};
+use crate::grid::near::{Near, near_steps};
+use crate::grid::neighbours;
+use crate::grid::preset::Seen;
+use crate::grid::report::GridReport;
+use crate::grid::{GridJob, GridStage};
+use crate::points::reach;
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_cloud::PointSource;
+use terrane_delaunay::Window;
+use terrane_engine::figures::Figures;
+use terrane_engine::plan::At;
+use terrane_gridding::{Axis, Recipe, Shape, Statistic};
+use terrane_raster::write::GridSink;
+use terrane_raster::{self as raster, GridSource, SampleType};
+
+/// Values are kept as they were computed, and compressed.
+const CREATION: [(&str, &str); 3] = [("COMPRESS", "ZSTD"), ("PREDICTOR", "3"), ("BIGTIFF", "YES")];
+
+/// A plan's cloud and cells, opened.
+pub(super) struct Opened {
+    pub(super) job: GridJob,
+    pub(super) points: Box<dyn PointSource>,
+    pub(super) extent: Extent,
+    /// What a model of the terrain has to know of the whole cloud.
+    pub(super) seen: Option<Seen>,
+}
+
+impl Opened {
+    /// Writes the tile of these `cells` to `file` from the part of the cloud that lies near it, or as
+    /// much more as it takes.
+    pub(super) fn make(&self, cells: Rect, file: &Path, at: At<'_>) -> Result<GridReport> {
+        let mut near = self.near(cells);
+        loop {
+            if let Some(made) = self.try_make(cells, file, near, at)? {
+                return Ok(made);
+            }
+            near = near.map(Near::wider);
+        }
+    }
+
+    /// Writes the tile of these `cells` to `file` from the parts `within`; `None` when these are too few.
+    pub(super) fn try_make(
+        &self,
+        cells: Rect,
+        file: &Path,
+        near: Option<Near>,
+        At { progress, cancel }: At<'_>,
+    ) -> Result<Option<GridReport>> {
+        let (points, job) = (&*self.points, self.job_of(file));
+        let extent = self.extent.part(cells, points.info());
+        let seen = self.seen.as_ref();
+        Maker { points, job: &job, extent, within: near, seen, progress, cancel }.try_make()
+    }
+
+    /// What is read for the tile of these `cells` at first; `None` for the whole cloud.
+    pub(super) fn near(&self, cells: Rect) -> Option<Near> {
+        let extent = self.extent.part(cells, self.points.info());
+        let recipe = Recipe::new(&self.job.stats, &self.job.rules(extent.cell()));
+        let cells = self.window(&extent, recipe.reach());
+        let margin = self.margin(&recipe, &cells)?;
+        Some(Near { cells, margin })
+    }
+
+    /// The job whose output is a tile's result.
+    pub(super) fn job_of(&self, file: &Path) -> GridJob {
+        let creation = CREATION.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        GridJob {
+            output: file.to_path_buf(),
+            format: Some("GTiff".to_owned()),
+            creation: creation.to_vec(),
+            sample_type: SampleType::F64,
+            round: false,
+            nodata: f64::NAN,
+            overwrite: true,
+            ..self.job.clone()
+        }
+    }
+
+    /// What receives the grid of `job`, whose cells are those of `extent`; fails where it cannot be
+    /// written.
+    pub(super) fn sink(&self, job: &GridJob, extent: &Extent) -> Result<Box<dyn GridSink>> {
+        job.format()?.create(&job.output, &extent.written(job), &job.write_options())
+    }
+
+    /// Puts the tiles in `files` together to the output of `job`, whose cells are those of `extent`.
+    pub(super) fn write(
+        &self,
+        files: &[String],
+        job: &GridJob,
+        extent: &Extent,
+        At { progress, cancel }: At<'_>,
+    ) -> Result<GridReport> {
+        let started = Instant::now();
+        let (format, info) = (job.format()?, extent.written(job));
+        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let mut sink = self.sink(job, extent)?;
+        let budget = Budget::writing(&job.resources, format, sink.as_ref(), extent, &recipe)?;
+        let bands = u32::try_from(job.stats.len()).unwrap_or(u32::MAX);
+        let options = |band: u32| raster::OpenOptions {
+            band,
+            cache_bytes: (budget.blocks / u64::from(bands)) as usize,
+            threads: budget.threads,
+            temp_dir: job.resources.temp_dir.clone(),
+            ..raster::OpenOptions::default()
+        };
+        let open = |band: u32| raster::open_all(files, &options(band));
+        let tiles = Tiles { bands: (1..=bands).map(open).collect::<Result<_>>()? };
+        let bands = Bands { cells: &tiles, bands: recipe.bands(), info: &info };
+        let valid = bands.write(sink.as_mut(), budget.threads, progress, cancel)?;
+        cancel.check()?;
+        let seen = self.seen.iter().flat_map(|seen| seen.notes.clone()).collect();
+        let notes =
+            [self.points.notes().to_vec(), extent.notes.clone(), seen, sink.notes()].concat();
+        Ok(GridReport {
+            files: self.points.files().len(),
+            bands: bands.reports(&valid),
+            notes,
+            output_bytes: sink.finish()?,
+            run: Figures::since(started, &job.resources)
+                .with_threads(budget.threads)
+                .with_spilled(0),
+            stages: vec![GridStage::since("write", started)],
+            ..report(job, &info, extent)
+        })
+    }
+
+    /// All that lies less than `reach` world units from the centre of a cell, or in one.
+    fn window(&self, extent: &Extent, reach: f64) -> Window {
+        let frame = &self.points.info().frame;
+        let ends = |axis: usize, cells: Axis, count: u32| {
+            let [a, b] = [0, count - 1].map(|cell| cells.world_centre(i64::from(cell)));
+            let margin = cells.world_cell().max(reach);
+            near_steps(frame, axis, [a.min(b) - margin, a.max(b) + margin])
+        };
+        let (width, height) = extent.lattice.size();
+        let [west, east] = ends(0, extent.lattice.x, width);
+        let [south, north] = ends(1, extent.lattice.y, height);
+        Window { low: [west, south], high: [east, north] }
+    }
+
+    /// Steps around the cells that are read at first; `None` for the whole cloud.
+    fn margin(&self, recipe: &Recipe, cells: &Window) -> Option<i32> {
+        let info = self.points.info();
+        let own = |statistic: &Statistic| match statistic.shape() {
+            Some(Shape::Natural) => None,
+            Some(Shape::Linear { max_edge }) => {
+                // What has long edges is void, whatever lies further away.
+                let longest = max_edge.or(self.job.max_edge).map(|most| reach(&info.frame, most));
+                Some(longest.unwrap_or(0).max(neighbours::tiling(info).side()).saturating_add(4))
+            }
+            None => Some(0),
+        };
+        let margins = recipe.bands().iter().map(|band| own(&band.statistic));
+        let most = margins.reduce(|a, b| Some(a?.max(b?))).flatten()?;
+        let most = most.max(self.seen.as_ref().map_or(0, |seen| seen.reach));
+        let side = |axis: usize| cells.high[axis].abs_diff(cells.low[axis]) / 8;
+        // A narrow tile among far points: some of its own size at least.
+        Some(if most == 0 { 0 } else { most.max(side(0).min(side(1)) as i32) })
+    }
+}
+
+/// The values of the cells of all tiles.
+pub(super) struct Tiles {
+    /// By band.
+    pub(super) bands: Vec<Box<dyn GridSource>>,
+}
+
+impl crate::grid::source::Cells for Tiles {
+    fn values(
+        &self,
+        number: usize,
+        _: &terrane_gridding::Band,
+        rect: Rect,
+        out: &mut [f64],
+    ) -> Result<()> {
+        self.bands[number].read_f64(rect, out)
+    }
+}

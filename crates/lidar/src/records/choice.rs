@@ -1,0 +1,196 @@
+//! Which of some points that belong together are kept: thinning by cells, points that are there twice, flight lines.
+//!
+//! All records pass twice: first a mark of each, by groups, tells which one is the best of its group; then those that
+//! are not are left out. So points keep their order, and of equally good ones the first is kept.
+
+use std::collections::HashMap;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{Flow, Records, Take, Unit, numbered};
+use terrane_base::bits::{BitSet, mixed};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point;
+use terrane_engine::plan::At;
+use terrane_files::Buckets;
+
+/// Says which group a record is of, and how good it is there: the least rank is best.
+pub(crate) trait Choice: Sync {
+    fn mark(&self, record: &[u8]) -> (Group, Rank);
+
+    /// Whether not the best of a group alone is kept, but all in it whose ranks end with the same number.
+    fn keeps_alike(&self) -> bool {
+        false
+    }
+}
+
+/// What is the same of all points of a group.
+pub(crate) type Group = [u64; 3];
+/// From the best on, compared number by number.
+pub(crate) type Rank = [u64; 2];
+
+/// A record's mark.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Mark {
+    group: Group,
+    rank: Rank,
+    /// Number of the record.
+    number: u64,
+}
+
+/// Bytes of marks that a bucket is meant to hold.
+const BUCKET_BYTES: u64 = 4 << 20;
+/// Bytes that a group takes while the best of a bucket are found.
+const GROUP_BYTES: u64 = 2 * size_of::<(Group, (Rank, u64))>() as u64;
+const MOST_BUCKETS: u64 = 1 << 14;
+
+/// Buckets for the marks of so many points.
+fn buckets(points: u64) -> u64 {
+    (points * size_of::<Mark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS)
+}
+
+/// Bytes of memory that choosing from so many points needs: a bit for each, and the groups of a bucket with a
+/// quarter more, as some have more than others.
+pub(crate) fn needed(points: u64) -> u64 {
+    points / 8 + points / buckets(points) * GROUP_BYTES * 5 / 4 + BUCKET_BYTES
+}
+
+/// Records without those that were not chosen.
+pub(crate) struct Chosen<'a> {
+    records: &'a dyn Records,
+    record: usize,
+    kept: BitSet,
+    /// Number of the first record of each unit, and how many there are.
+    firsts: Vec<u64>,
+    all: u64,
+}
+
+impl<'a> Chosen<'a> {
+    /// Looks at all records once; marks may take so many bytes of memory, and go to `folder` beyond it.
+    pub(crate) fn new(
+        records: &'a dyn Records,
+        choice: &dyn Choice,
+        (flow, memory, folder): (Flow, u64, &std::path::Path),
+        at: At<'_>,
+    ) -> Result<Self> {
+        let points: u64 = (0..records.units()).map(|unit| records.unit(unit).points).sum();
+        let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
+        let buckets = Buckets::new(folder, count as usize, left / 4);
+        let (firsts, number) = numbered::pass(records, flow, at, &mut |number, record| {
+            let (group, rank) = choice.mark(record);
+            let bucket = (mixed(&group) % count) as usize;
+            buckets.push(bucket, &[Mark { group, rank, number }])
+        })?;
+        let kept = best(&buckets, count as usize, choice.keeps_alike(), (number, left), at)?;
+        Ok(Self { records, record: flow.record, kept, firsts, all: number })
+    }
+
+    /// Those whose numbers are kept, of all with these numbers of the first of each unit.
+    pub(crate) fn of(
+        records: &'a dyn Records,
+        record: usize,
+        (firsts, all): (Vec<u64>, u64),
+        kept: BitSet,
+    ) -> Self {
+        Self { records, record, kept, firsts, all }
+    }
+
+    /// The places in a unit of those of its records that are kept.
+    pub(crate) fn kept_in(&self, unit: usize) -> impl Iterator<Item = u64> + '_ {
+        let first = self.firsts[unit];
+        let end = self.firsts.get(unit + 1).copied().unwrap_or(self.all);
+        self.kept.within(first as usize..end as usize).map(move |number| number as u64 - first)
+    }
+
+    /// How many are left out.
+    pub(crate) fn left_out(&self) -> u64 {
+        let kept: u64 = self.kept.words().iter().map(|word| u64::from(word.count_ones())).sum();
+        self.all - kept
+    }
+}
+
+impl Records for Chosen<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let (mut number, mut chosen) = (self.firsts[unit] as usize, Vec::new());
+        self.records.read(unit, &mut |bytes| {
+            chosen.clear();
+            for record in bytes.chunks_exact(self.record) {
+                if self.kept.contains(number) {
+                    chosen.extend_from_slice(record);
+                }
+                number += 1;
+            }
+            take(&chosen)
+        })
+    }
+}
+
+/// The numbers of the best of each group, and of those alike if they are kept.
+fn best(
+    buckets: &Buckets<Mark>,
+    count: usize,
+    keeps_alike: bool,
+    (numbers, memory): (u64, u64),
+    at: At<'_>,
+) -> Result<BitSet> {
+    let mut kept = BitSet::new(numbers as usize);
+    for bucket in 0..count {
+        at.cancel.check()?;
+        let mut best: HashMap<Group, (Rank, u64)> = HashMap::new();
+        buckets.try_read(bucket, |marks| {
+            for Mark { group, rank, number } in marks {
+                let one = best.entry(*group).or_insert((*rank, *number));
+                *one = (*one).min((*rank, *number));
+            }
+            match best.len() as u64 * GROUP_BYTES > memory {
+                true => Err(too_many(best.len(), memory)),
+                false => Ok(()),
+            }
+        })?;
+        if keeps_alike {
+            let is_alike = |mark: &&Mark| {
+                best.get(&mark.group).is_some_and(|(rank, _)| rank[1] == mark.rank[1])
+            };
+            buckets.read(bucket, |marks| {
+                marks.iter().filter(is_alike).for_each(|mark| {
+                    kept.insert(mark.number as usize);
+                });
+            })?;
+        }
+        buckets.forget(bucket);
+        best.values().for_each(|(_, number)| {
+            kept.insert(*number as usize);
+        });
+    }
+    Ok(kept)
+}
+
+fn too_many(groups: usize, memory: u64) -> Error {
+    let message = format!("{groups} cells or places are to be compared in {} MiB", memory >> 20);
+    Error::new(ErrorKind::Resource, message).remedy("pass a larger ‹memory›")
+}
+
+/// Where a record lies.
+pub(crate) fn place(record: &[u8]) -> Point {
+    let (fours, _) = record.as_chunks::<4>();
+    let [x, y, z] = [0, 1, 2].map(|axis| i32::from_le_bytes(fours[axis]));
+    Point { x, y, z }
+}
+
+/// The time that a record has at a byte, as a number that is ordered alike; 0 where it has none.
+pub(crate) fn time(record: &[u8], at: Option<usize>) -> u64 {
+    let bytes = at.and_then(|at| record[at..].first_chunk());
+    bytes.map_or(0, |bytes| match u64::from_le_bytes(*bytes) {
+        negative if negative >> 63 == 1 => !negative,
+        positive => positive | 1 << 63,
+    })
+}

@@ -1,0 +1,175 @@
+//! Records of points in numbered units, made by all threads and taken in the order of units.
+
+pub(crate) mod choice;
+pub(crate) mod numbered;
+mod pack;
+
+use rayon::prelude::*;
+
+pub(crate) use pack::Packer;
+
+use terrane_base::error::Result;
+use terrane_engine::FileAt;
+use terrane_engine::plan::At;
+
+/// Takes records, some at a time.
+pub(crate) type Take<'a> = dyn FnMut(&[u8]) -> Result<()> + Send + 'a;
+
+/// Records in units that any thread reads, in any order, as often as it likes.
+pub(crate) trait Records: Sync {
+    /// How many units there are.
+    fn units(&self) -> usize;
+
+    /// What a unit is.
+    fn unit(&self, unit: usize) -> Unit<'_>;
+
+    /// Hands on the records of a unit, in their order.
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()>;
+}
+
+/// Records that are read together.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Unit<'a> {
+    /// How many, at most.
+    pub(crate) points: u64,
+    /// The file that they are read from, where there are several.
+    pub(crate) file: Option<FileAt<'a>>,
+}
+
+impl Unit<'_> {
+    /// Of no file.
+    pub(crate) fn of(points: u64) -> Self {
+        Self { points, file: None }
+    }
+}
+
+/// How many records are on their way at a time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Flow {
+    /// Bytes of a record.
+    pub(crate) record: usize,
+    /// Bytes of the records of a round.
+    pub(crate) round: u64,
+}
+
+/// Units that are made together.
+enum Round {
+    /// These, by all threads.
+    Many(std::ops::Range<usize>),
+    /// One that has too many points to be held; they are taken as they come.
+    Large(usize),
+}
+
+impl Flow {
+    /// Hands on all records in order: while those of a round are taken, the ones of the next are made.
+    pub(crate) fn run(self, records: &dyn Records, at: At<'_>, take: &mut Take<'_>) -> Result<()> {
+        let mut made = Vec::new();
+        for round in self.rounds(records) {
+            at.cancel.check()?;
+            match round {
+                Round::Many(units) => {
+                    let make =
+                        || units.clone().into_par_iter().map(|unit| whole(records, unit, at));
+                    let (taken, next) =
+                        rayon::join(|| pass(&made, take), || make().collect::<Result<Vec<_>>>());
+                    taken?;
+                    made = next?;
+                    at.progress.advance(units.map(|unit| records.unit(unit).points).sum());
+                }
+                Round::Large(unit) => {
+                    pass(&std::mem::take(&mut made), take)?;
+                    let mut each = |bytes: &[u8]| {
+                        at.cancel.check()?;
+                        take(bytes)
+                    };
+                    tell(records, unit, at);
+                    records.read(unit, &mut each)?;
+                    at.progress.advance(records.unit(unit).points);
+                }
+            }
+        }
+        pass(&made, take)
+    }
+
+    fn rounds(self, records: &dyn Records) -> Vec<Round> {
+        let bytes = |unit: usize| records.unit(unit).points.saturating_mul(self.record as u64);
+        let (mut rounds, mut first, mut held) = (Vec::new(), 0, 0);
+        for unit in 0..records.units() {
+            let more = bytes(unit);
+            if held + more > self.round && first < unit {
+                rounds.push(Round::Many(first..unit));
+                (first, held) = (unit, 0);
+            }
+            held += more;
+            if more > self.round {
+                rounds.push(Round::Large(unit));
+                (first, held) = (unit + 1, 0);
+            }
+        }
+        if first < records.units() {
+            rounds.push(Round::Many(first..records.units()));
+        }
+        rounds
+    }
+}
+
+fn pass(made: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
+    made.iter().try_for_each(|bytes| take(bytes))
+}
+
+fn tell(records: &dyn Records, unit: usize, at: At<'_>) {
+    if let Some(file) = records.unit(unit).file {
+        at.progress.file(file);
+    }
+}
+
+fn whole(records: &dyn Records, unit: usize, at: At<'_>) -> Result<Vec<u8>> {
+    tell(records, unit, at);
+    let mut all = Vec::new();
+    records.read(unit, &mut |bytes| {
+        all.extend_from_slice(bytes);
+        Ok(())
+    })?;
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_engine::Cancel;
+    use terrane_engine::Silent;
+
+    /// Unit k has so many records of two bytes, which tell the unit.
+    struct Counted(Vec<u64>);
+
+    impl Records for Counted {
+        fn units(&self) -> usize {
+            self.0.len()
+        }
+
+        fn unit(&self, unit: usize) -> Unit<'_> {
+            Unit::of(self.0[unit])
+        }
+
+        fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+            (0..self.0[unit]).try_for_each(|_| take(&[unit as u8, 7]))
+        }
+    }
+
+    #[test]
+    fn records_come_in_the_order_of_units_whatever_a_round_holds() {
+        let records = Counted(vec![3, 0, 20, 1, 1, 1, 50, 2]);
+        let expected: Vec<u8> =
+            (0..8).flat_map(|unit| [unit as u8, 7].repeat(records.0[unit] as usize)).collect();
+        for round in [0, 1, 4, 10, 40, 1000] {
+            let mut taken = Vec::new();
+            let at = At { progress: &Silent, cancel: &Cancel::default() };
+            let mut take = |bytes: &[u8]| {
+                taken.extend_from_slice(bytes);
+                Ok(())
+            };
+            Flow { record: 2, round }.run(&records, at, &mut take).unwrap();
+            assert_eq!(taken, expected, "{round}");
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Records as they are numbered, from the first of all on.
+
+use std::sync::Mutex;
+
+use super::{Flow, Records, Take, Unit};
+use terrane_base::error::Result;
+use terrane_engine::plan::At;
+use terrane_files::lock;
+
+/// Hands on all records in order, each with its number; returns the number of the first of each unit, and how many
+/// there are.
+pub(crate) fn pass(
+    records: &dyn Records,
+    flow: Flow,
+    at: At<'_>,
+    take: &mut (dyn FnMut(u64, &[u8]) -> Result<()> + Send),
+) -> Result<(Vec<u64>, u64)> {
+    let counts = Mutex::new(vec![0; records.units()]);
+    let counted = Counted { records, record: flow.record, counts: &counts };
+    let mut number = 0;
+    flow.run(&counted, at, &mut |bytes| {
+        for record in bytes.chunks_exact(flow.record) {
+            take(number, record)?;
+            number += 1;
+        }
+        Ok(())
+    })?;
+    let counts = counts.into_inner().unwrap_or_default();
+    let firsts = counts.iter().scan(0, |sum, count| {
+        let first = *sum;
+        *sum += count;
+        Some(first)
+    });
+    Ok((firsts.collect(), number))
+}
+
+/// Counts the records of each unit as they pass.
+struct Counted<'a> {
+    records: &'a dyn Records,
+    record: usize,
+    counts: &'a Mutex<Vec<u64>>,
+}
+
+impl Records for Counted<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let mut count = 0;
+        self.records.read(unit, &mut |bytes| {
+            count += (bytes.len() / self.record) as u64;
+            take(bytes)
+        })?;
+        lock(self.counts)[unit] = count;
+        Ok(())
+    }
+}

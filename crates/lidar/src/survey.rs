@@ -1,0 +1,137 @@
+//! Writes a synthetic cloud: parts made and chunks compressed by all threads, appended in the order of
+//! flight, the same bytes whatever the threads.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::records::{Flow, Packer, Records, Take, Unit};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::synth;
+use terrane_cloud::write::{self, CloudWriter, Layout, Packing, PointFormat, Record, WriteOptions};
+use terrane_engine::figures::Figures;
+use terrane_engine::input::workers;
+use terrane_engine::memory::{PROGRAM, too_little};
+use terrane_engine::plan::At;
+use terrane_engine::{Cancel, Progress, Resources};
+use terrane_synth::cloud::Survey;
+
+/// A survey to be written.
+#[derive(Clone, Debug)]
+pub struct SurveyJob {
+    /// The cloud.
+    pub survey: Survey,
+    /// LAS or LAZ file to write.
+    pub output: PathBuf,
+    /// Format of its points.
+    pub format: PointFormat,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct SurveyReport {
+    pub input: String,
+    pub output: String,
+    pub point_format: u8,
+    pub points: u64,
+    pub crs: String,
+    pub output_bytes: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+    pub points_per_second: f64,
+}
+
+/// Most parts in flight for each thread.
+const PARTS_BY_THREAD: u64 = 4;
+/// Memory for a part in flight: its points, twice, and as bytes.
+const BYTES_BY_PART: u64 = 24 << 20;
+
+/// Writes the cloud. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// An output that exists, cannot be created, or is neither .las nor .laz; too little memory.
+pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<SurveyReport> {
+    let (start, at) = (Instant::now(), At { progress, cancel });
+    let mut writer = CloudWriter::create(&job.output, &options(job)?)?;
+    let flown = Flown { survey: &job.survey, layout: writer.layout() };
+    let flow = flow(&job.resources, &flown)?;
+    let mut packer = Packer::new(&mut writer, job.resources.threads);
+    progress.begin("synth", job.survey.expected());
+    workers(&job.resources)?.install(|| {
+        flow.run(&flown, at, &mut |records| packer.take(records))?;
+        packer.finish()
+    })?;
+    progress.end();
+    let points = writer.points();
+    let output_bytes = writer.finish()?;
+    let run = Figures::since(start, &job.resources);
+    Ok(SurveyReport {
+        input: format!("synth:{}", job.survey),
+        output: job.output.display().to_string(),
+        point_format: job.format.number(),
+        points,
+        crs: synth::crs().label(),
+        output_bytes,
+        points_per_second: run.rate(points),
+        run,
+    })
+}
+
+fn options(job: &SurveyJob) -> Result<WriteOptions> {
+    let packing = write::packing_by_name(&job.output)
+        .filter(|packing| matches!(packing, Packing::Plain | Packing::Chunks));
+    let packing = packing.ok_or_else(|| {
+        Error::usage("a synthetic cloud is written as .las or .laz").in_file(&job.output).remedy(
+            "choose a name with one of these endings; ‹terrane points› makes .copc.laz of it",
+        )
+    })?;
+    if job.format.has_waves() {
+        return Err(Error::usage(format!(
+            "a synthetic cloud has no waveforms, which point format {} is for",
+            job.format.number()
+        ))
+        .remedy("choose point format 0 to 3, or 6 to 8"));
+    }
+    let options = WriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
+    Ok(WriteOptions { packing, overwrite: job.overwrite, ..options })
+}
+
+/// As many parts in a round as keep all threads busy, as far as memory goes.
+fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<Flow> {
+    let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
+    if parts == 0 {
+        return Err(too_little(resources.memory, PROGRAM + BYTES_BY_PART));
+    }
+    let parts = parts.min(resources.threads as u64 * PARTS_BY_THREAD);
+    let record = flown.layout.size();
+    Ok(Flow { record, round: parts * flown.unit(0).points * record as u64 })
+}
+
+/// The parts of a survey as records.
+struct Flown<'a> {
+    survey: &'a Survey,
+    layout: Layout,
+}
+
+impl Records for Flown<'_> {
+    fn units(&self) -> usize {
+        self.survey.parts()
+    }
+
+    fn unit(&self, _: usize) -> Unit<'_> {
+        Unit::of(self.survey.expected().div_ceil(self.survey.parts().max(1) as u64))
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let mut echoes = Vec::new();
+        self.survey.fill(unit, &mut echoes);
+        let records: Vec<Record> = echoes.iter().map(Record::from).collect();
+        take(&self.layout.records(&records))
+    }
+}

@@ -1,0 +1,568 @@
+//! The ground of a cloud, and what it tells of each point.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bytemuck::{Pod, Zeroable};
+
+use super::told::{Told, Values, Z};
+use super::{Above, Classify, HeightsAs, NO_HEIGHT, is_known_noise, is_there};
+use crate::grid::preset::{
+    Filter, Metres, NOISE, Seen, found_by, more_is_needed, no_ground, no_ground_of_class,
+};
+use crate::grid::{GROUND, GroundFrom, Surfaces, tiling};
+use crate::points::PointStore;
+use crate::records::choice::place;
+use crate::records::{Flow, Records, numbered};
+use crate::translate::portion::Portion;
+use crate::translate::total;
+use terrane_base::attribute::Return;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+use terrane_cloud::{CloudInfo, PointFormat};
+use terrane_engine::plan::At;
+use terrane_engine::workers;
+use terrane_files::{Buckets, lock};
+
+/// Places that are looked at together.
+const TOGETHER: usize = 1 << 15;
+/// Part of the memory that each thread's tile of the ground filter may take.
+const TILE_SHARE: u64 = 8;
+/// Parts that the memory is divided into: places, last and other returns, and ground.
+const PARTS: u64 = 4;
+/// Strips of a square that points are looked at in.
+const STRIPS: i32 = 32;
+/// The class of points that have none yet, and of those that were looked at, too.
+const NO_CLASS: [u8; 2] = [0, 1];
+
+/// Where the ground is looked for, and with what.
+pub(in crate::translate) struct Looking<'a> {
+    pub(in crate::translate) above: &'a Above,
+    /// Where points lie.
+    pub(in crate::translate) info: &'a CloudInfo,
+    /// How many steps records are from there.
+    pub(in crate::translate) shift: [i32; 3],
+    pub(in crate::translate) format: PointFormat,
+    pub(in crate::translate) flow: Flow,
+    pub(in crate::translate) threads: usize,
+    /// Bytes for points.
+    pub(in crate::translate) memory: u64,
+    /// And for a square of the method that finds the ground.
+    pub(in crate::translate) square: u64,
+    pub(in crate::translate) folder: &'a Path,
+    /// Whether points marked as withheld may be ground.
+    pub(in crate::translate) keeps_withheld: bool,
+    /// The squares that are made, if not all.
+    pub(in crate::translate) portion: Option<&'a Portion<'a>>,
+    pub(in crate::translate) at: At<'a>,
+}
+
+/// Points that may be ground: of any class that may change, and no noise.
+struct Candidates {
+    last: PointStore,
+    others: PointStore,
+    /// Whether any point is a later return than the first: where none is, numbers of returns tell nothing.
+    is_numbered: AtomicBool,
+}
+
+impl Candidates {
+    /// Those that the ground is looked for among.
+    fn looked_at(&self, all_returns: bool) -> Vec<&PointStore> {
+        if all_returns { vec![&self.last, &self.others] } else { vec![&self.last] }
+    }
+
+    fn count(&self) -> u64 {
+        self.last.count() + self.others.count()
+    }
+}
+
+/// Where points go that tell of the ground.
+enum Gathering<'a> {
+    Nowhere,
+    /// Those of the class of ground.
+    Class(Run<'a>),
+    /// Last returns and others that may be ground, and whether numbers of returns tell.
+    Candidates([Run<'a>; 2], &'a AtomicBool),
+}
+
+/// Points on their way into a store.
+struct Run<'a> {
+    store: &'a PointStore,
+    points: Vec<Point>,
+}
+
+impl<'a> Run<'a> {
+    fn new(store: &'a PointStore) -> Self {
+        Self { store, points: Vec::new() }
+    }
+
+    fn push(&mut self, point: Point) -> Result<()> {
+        self.points.push(point);
+        if self.points.len() == TOGETHER { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.store.add(&self.points)?;
+        self.points.clear();
+        Ok(())
+    }
+}
+
+impl<'a> Gathering<'a> {
+    fn of_class(store: &'a PointStore) -> Self {
+        Self::Class(Run::new(store))
+    }
+
+    fn of_candidates(into: &'a Candidates) -> Self {
+        Self::Candidates([&into.last, &into.others].map(Run::new), &into.is_numbered)
+    }
+
+    fn take(&mut self, looking: &Looking<'_>, record: &[u8], point: Point) -> Result<()> {
+        match self {
+            Self::Class(run) => {
+                let is_ground = looking.format.class(record) == GROUND && looking.is_there(record);
+                if is_ground { run.push(point) } else { Ok(()) }
+            }
+            Self::Candidates([last, others], is_numbered) if looking.may_be_ground(record) => {
+                let [number, returns] = looking.format.returns(record);
+                is_numbered.fetch_or(number > 1, Ordering::Relaxed);
+                let is_last = Return::Last.is(number, returns);
+                if is_last { last.push(point) } else { others.push(point) }
+            }
+            Self::Nowhere | Self::Candidates(..) => Ok(()),
+        }
+    }
+
+    fn finish(self) -> Result<()> {
+        match self {
+            Self::Nowhere => Ok(()),
+            Self::Class(mut run) => run.flush(),
+            Self::Candidates(mut runs, _) => runs.iter_mut().try_for_each(Run::flush),
+        }
+    }
+}
+
+/// A point that is to be told of.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Entry {
+    place: [i32; 3],
+    class: u8,
+    may_be_ground: u8,
+    spare: [u8; 2],
+    /// Of the record.
+    number: u64,
+}
+
+/// What became of points.
+#[derive(Clone, Default)]
+struct Counts {
+    /// Points found to be ground, by the class that they had.
+    ground: BTreeMap<u8, u64>,
+    no_longer: u64,
+    /// Points that were no candidates for their class, by class.
+    kept: BTreeMap<u8, u64>,
+    layered: u64,
+    without: u64,
+}
+
+impl Counts {
+    fn add(&mut self, other: &Self) {
+        let add = |sums: &mut BTreeMap<u8, u64>, more: &BTreeMap<u8, u64>| {
+            more.iter().for_each(|(class, count)| *sums.entry(*class).or_default() += count);
+        };
+        add(&mut self.ground, &other.ground);
+        add(&mut self.kept, &other.kept);
+        self.no_longer += other.no_longer;
+        self.layered += other.layered;
+        self.without += other.without;
+    }
+}
+
+/// The ground, and the places of all points.
+struct Found {
+    /// `None` where nothing but classes of ground is asked, or there is none.
+    surface: Option<Surfaces>,
+    entries: Buckets<Entry>,
+    firsts: Vec<u64>,
+    count: u64,
+    notes: Vec<String>,
+}
+
+impl Looking<'_> {
+    /// The records with what the ground tells of them. Where they are not all points that the ground is made of,
+    /// `wide` are; a record has its height `at` a byte.
+    ///
+    /// # Errors
+    /// No ground; units that are no lengths, where it has to be found.
+    pub(in crate::translate) fn tell<'r>(
+        &self,
+        records: &'r dyn Records,
+        wide: Option<&dyn Records>,
+        at: Option<usize>,
+    ) -> Result<Told<'r>> {
+        let Found { surface, entries, firsts, count, mut notes } = self.find(records, wide)?;
+        let values = Values::new(count, self.folder);
+        let counts = match surface {
+            Some(surface) => {
+                let counts = self.value(&surface, &entries, &values);
+                if surface.store().is_exceeded() {
+                    self.portion.into_iter().for_each(Portion::exceed);
+                    return Err(more_is_needed());
+                }
+                counts?
+            }
+            None => return Err(no_ground()),
+        };
+        notes.extend(self.told(&counts));
+        let is_z = self.above.heights == Some(HeightsAs::Z);
+        let at = if is_z { Some(Z) } else { at };
+        let (format, record) = (self.format, self.flow.record);
+        Ok(Told { records, format, record, at, values, firsts, notes })
+    }
+
+    /// What has to be known of the ground of all points that these are, before that of some is told.
+    ///
+    /// # Errors
+    /// As [`tell`](Self::tell).
+    pub(in crate::translate) fn look(&self, records: &dyn Records) -> Result<Seen> {
+        let mut seen = Seen::default();
+        if self.above.takes_classes() {
+            let ground = self.store().outline();
+            self.pass(records, None, Gathering::of_class(&ground))?;
+            seen.look_at_classes(&ground, &[GROUND])?;
+            if !seen.by_class && self.above.from == GroundFrom::Class {
+                return Err(not_of_class());
+            }
+        }
+        if !seen.by_class {
+            let all = self.candidates(|| self.store().outline());
+            self.pass(records, None, Gathering::of_candidates(&all))?;
+            seen.all_returns = !all.is_numbered.load(Ordering::Relaxed);
+            let looked_at = all.looked_at(seen.all_returns);
+            if looked_at.iter().all(|store| store.count() == 0) {
+                return Err(self.no_candidates());
+            }
+            seen.look_at_candidates(&looked_at, self.info, self.above.from)?;
+        }
+        Ok(seen)
+    }
+
+    /// What was seen of the ground of the whole cloud, where it is made in portions.
+    fn seen(&self) -> Option<&Seen> {
+        self.portion.and_then(|portion| portion.looked.seen.as_ref())
+    }
+
+    fn find(&self, records: &dyn Records, wide: Option<&dyn Records>) -> Result<Found> {
+        let tiling = tiling(self.info);
+        let entries = Buckets::new(self.folder, tiling.count(), self.memory / PARTS);
+        let by_class = self.seen().map_or(self.above.takes_classes(), |seen| seen.by_class);
+        let (class, candidates) = (self.store(), self.candidates(|| self.store()));
+        let gathering = match by_class {
+            true => Gathering::of_class(&class),
+            false => Gathering::of_candidates(&candidates),
+        };
+        let (firsts, count) = match wide {
+            None => self.pass(records, Some(&entries), gathering)?,
+            Some(wide) => {
+                self.pass(wide, None, gathering)?;
+                self.pass(records, Some(&entries), Gathering::Nowhere)?
+            }
+        };
+        let mut notes = Vec::new();
+        let store = if by_class && (class.count() > 0 || self.portion.is_some()) {
+            notes.push(format!("ground: {} points of class {GROUND}", class.count()));
+            class
+        } else {
+            if by_class {
+                if self.above.from == GroundFrom::Class {
+                    return Err(not_of_class());
+                }
+                let gathering = Gathering::of_candidates(&candidates);
+                self.pass(wide.unwrap_or(records), None, gathering)?;
+            }
+            if candidates.count() == 0 && self.portion.is_none() {
+                return Err(self.no_candidates());
+            }
+            self.filtered(&candidates, &mut notes)?
+        };
+        let store = self.limited(store)?;
+        let is_there = store.count() > 0 || self.portion.is_some();
+        let surface = is_there.then(|| Surfaces::new(store, self.info.frame));
+        Ok(Found { surface: surface.transpose()?, entries, firsts, count, notes })
+    }
+
+    /// The ground of a portion, with what surrounds that of the whole cloud where it is known.
+    fn limited(&self, store: PointStore) -> Result<PointStore> {
+        let Some((portion, seen)) = self.portion.zip(self.seen()) else { return Ok(store) };
+        let around = seen.around_ground();
+        store.add(&around)?;
+        Ok(store.limited(Some(portion.limits(!around.is_empty()))))
+    }
+
+    fn store(&self) -> PointStore {
+        PointStore::empty(tiling(self.info), self.folder, self.memory / PARTS)
+    }
+
+    /// Stores for points that may be ground.
+    fn candidates(&self, store: impl Fn() -> PointStore) -> Candidates {
+        Candidates { last: store(), others: store(), is_numbered: AtomicBool::new(false) }
+    }
+
+    /// The error of a cloud none of whose points may be ground.
+    fn no_candidates(&self) -> Error {
+        match self.above.reclassify() {
+            None => no_ground(),
+            Some(_) => Error::bad_input(
+                "the cloud has no points whose class ‹classify› ground may change",
+            )
+            .remedy("name the classes that may be ground: ‹classify› ground:reclassify=CLASS,..."),
+        }
+    }
+
+    /// What the method finds among the candidates: by the last returns, and then all that lie on their surface.
+    fn filtered(&self, candidates: &Candidates, notes: &mut Vec<String>) -> Result<PointStore> {
+        let metres = Metres::of(&self.info.crs, &self.info.frame)?;
+        if metres.is_guess {
+            notes.push(Metres::GUESS.to_owned());
+        }
+        let tile = (self.square + self.memory / TILE_SHARE) / self.threads as u64;
+        let ground = self.store();
+        let method = self.above.from.method();
+        let all_returns = self
+            .seen()
+            .map_or(!candidates.is_numbered.load(Ordering::Relaxed), |seen| seen.all_returns);
+        let looked_at = candidates.looked_at(all_returns);
+        let filter = match self.portion.zip(self.seen()) {
+            None => Filter::new(looked_at, &metres, method, tile),
+            Some((portion, seen)) => {
+                Filter::within(portion.ground(), seen.last, looked_at, &metres, method, tile)
+            }
+        };
+        let filter = filter.and(&candidates.others);
+        filter.run(&ground, self.threads, self.at.progress, self.at.cancel)?;
+        notes.push(found_by(&method, ground.count(), candidates.count(), "points"));
+        Ok(ground)
+    }
+
+    /// Looks at all records: at where they are, and which may be ground.
+    fn pass(
+        &self,
+        records: &dyn Records,
+        entries: Option<&Buckets<Entry>>,
+        mut ground: Gathering<'_>,
+    ) -> Result<(Vec<u64>, u64)> {
+        let tiling = tiling(self.info);
+        self.at.progress.begin("ground", total(records));
+        let mut entries = entries.map(Buckets::writer);
+        let found = numbered::pass(records, self.flow, self.at, &mut |number, record| {
+            let point = self.place(record);
+            if let Some(entries) = &mut entries {
+                let place = [point.x, point.y, point.z];
+                let may_be_ground = self.may_be_ground(record).into();
+                let class = self.format.class(record);
+                let entry = Entry { place, class, may_be_ground, spare: [0; 2], number };
+                entries.push(tiling.square_of(point), entry)?;
+            }
+            ground.take(self, record, point)
+        })?;
+        entries.map_or(Ok(()), |entries| entries.finish())?;
+        ground.finish()?;
+        self.at.progress.end();
+        Ok(found)
+    }
+
+    fn place(&self, record: &[u8]) -> Point {
+        let (Point { x, y, z }, by) = (place(record), self.shift);
+        Point { x: x.wrapping_sub(by[0]), y: y.wrapping_sub(by[1]), z: z.wrapping_sub(by[2]) }
+    }
+
+    /// Whether a point may be found to be ground, whatever return it is.
+    fn may_be_ground(&self, record: &[u8]) -> bool {
+        self.above.may_be_ground(self.format.class(record))
+            && !is_known_noise(self.format, record)
+            && self.is_there(record)
+    }
+
+    fn is_there(&self, record: &[u8]) -> bool {
+        is_there(self.format, self.keeps_withheld, record)
+    }
+
+    /// Puts what is told of each point to its number.
+    fn value(
+        &self,
+        ground: &Surfaces,
+        entries: &Buckets<Entry>,
+        values: &Values,
+    ) -> Result<Counts> {
+        let squares = tiling(self.info).count() as u64;
+        self.at.progress.begin("heights", squares);
+        let all = Mutex::new(Counts::default());
+        let square = |counts: &mut Counts, square: u64| {
+            self.square(square as usize, ground, (entries, values), counts)?;
+            self.at.progress.advance(1);
+            Ok(())
+        };
+        let finish = |counts: Counts| {
+            lock(&all).add(&counts);
+            Ok(())
+        };
+        workers::run(self.threads, squares, self.at.cancel, Counts::default, square, finish)?;
+        self.at.progress.end();
+        Ok(std::mem::take(&mut *lock(&all)))
+    }
+
+    fn square(
+        &self,
+        square: usize,
+        ground: &Surfaces,
+        (entries, values): (&Buckets<Entry>, &Values),
+        counts: &mut Counts,
+    ) -> Result<()> {
+        if ground.store().is_exceeded() {
+            return Err(more_is_needed());
+        }
+        let (mut known, mut first) = (Vec::new(), 0);
+        ground.store().load(square, &mut known)?;
+        let mut some = vec![Entry::zeroed(); TOGETHER.min(entries.len(square) as usize)];
+        let mut put = values.writer();
+        while first < entries.len(square) {
+            let read = entries.read_from(square, first, &mut some)?;
+            first += read as u64;
+            let heights = self.heights(ground, &known, &some[..read])?;
+            for (entry, height) in some[..read].iter().zip(heights) {
+                let class = self.class(entry, &known, height, counts);
+                let height = height.map_or(NO_HEIGHT, |height| height.round() as i32);
+                counts.without += u64::from(height == NO_HEIGHT);
+                put.put(entry.number, class, height)?;
+            }
+        }
+        entries.forget(square);
+        put.finish()
+    }
+
+    /// How far points are above the ground, in steps; `None` beyond it.
+    fn heights(
+        &self,
+        ground: &Surfaces,
+        known: &[Point],
+        entries: &[Entry],
+    ) -> Result<Vec<Option<f64>>> {
+        let mut heights = vec![None; entries.len()];
+        if self.above.heights.is_none() && self.above.layers().is_none() {
+            return Ok(heights);
+        }
+        let mut between = Vec::new();
+        for (i, point) in entries.iter().map(Entry::point).enumerate() {
+            match lowest_at(known, point) {
+                Some(ground) => heights[i] = Some(f64::from(point.z) - f64::from(ground.z)),
+                None => between.push((point, i)),
+            }
+        }
+        // In strips: the triangle of one is often that of the next.
+        let strip = (tiling(self.info).side() / STRIPS).max(1);
+        between.sort_unstable_by_key(|(point, i)| (point.x.div_euclid(strip), point.y, *i));
+        let (points, numbers): (Vec<Point>, Vec<usize>) = between.into_iter().unzip();
+        let mut numbers = numbers.into_iter();
+        ground.under(&points, |point, ground| {
+            if let Some(i) = numbers.next() {
+                heights[i] = ground.map(|ground| f64::from(point.z) - ground);
+            }
+        })?;
+        Ok(heights)
+    }
+
+    /// The class of a point, whose ground is among the points known of its square.
+    fn class(
+        &self,
+        entry: &Entry,
+        known: &[Point],
+        height: Option<f64>,
+        counts: &mut Counts,
+    ) -> u8 {
+        let mut class = entry.class;
+        for way in &self.above.classify {
+            class = match way {
+                Classify::Ground(classes) => {
+                    let is_ground =
+                        entry.may_be_ground > 0 && known.binary_search(&entry.point()).is_ok();
+                    if is_ground {
+                        *counts.ground.entry(class).or_default() += 1;
+                    } else if !classes.may_change(class) && !NOISE.contains(&class) {
+                        *counts.kept.entry(class).or_default() += 1;
+                    }
+                    counts.no_longer += u64::from(!is_ground && class == GROUND);
+                    match (is_ground, class) {
+                        (true, _) => GROUND,
+                        (false, GROUND) => NO_CLASS[1],
+                        (false, class) => class,
+                    }
+                }
+                Classify::Height(layers) if NO_CLASS.contains(&class) => {
+                    let units = height.map(|steps| steps * self.info.frame.scale[2]);
+                    let found = units.and_then(|units| layers.at(units));
+                    counts.layered += u64::from(found.is_some());
+                    found.unwrap_or(class)
+                }
+                Classify::Height(_) | Classify::Noise(_) => class,
+            };
+        }
+        class
+    }
+
+    /// What became of points, one line each.
+    fn told(&self, counts: &Counts) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.above.finds_ground() {
+            let Counts { ground, no_longer, kept, .. } = counts;
+            let (all, of) = (ground.values().sum::<u64>(), by_class(ground));
+            notes.push(format!("classes: {all} points are ground{of}, {no_longer} no longer"));
+            if !kept.is_empty() {
+                let all = kept.values().sum::<u64>();
+                let of = by_class(kept);
+                let more = "‹classify› ground:reclassify=CLASS,... names classes that may change";
+                notes.push(format!("classes: {all} points keep theirs{of}; {more}"));
+            }
+        }
+        if self.above.layers().is_some() {
+            notes.push(format!("classes: {} points by their heights", counts.layered));
+        }
+        let has_heights = self.above.heights.is_some() || self.above.layers().is_some();
+        if has_heights && counts.without > 0 {
+            let without = counts.without;
+            let then = match self.above.heights {
+                Some(HeightsAs::Z) => "are left out",
+                _ => "have no height above it",
+            };
+            notes.push(format!("{without} points beyond the triangulation of the ground {then}"));
+        }
+        notes
+    }
+}
+
+/// How many points there are of each class: " (3 of class 1, 5 of class 2)".
+fn by_class(counts: &BTreeMap<u8, u64>) -> String {
+    let all: Vec<_> =
+        counts.iter().map(|(class, count)| format!("{count} of class {class}")).collect();
+    if all.is_empty() { String::new() } else { format!(" ({})", all.join(", ")) }
+}
+
+/// The lowest of sorted points at the position of one.
+fn lowest_at(known: &[Point], Point { x, y, .. }: Point) -> Option<Point> {
+    let first = known.partition_point(|other| (other.x, other.y) < (x, y));
+    known.get(first).copied().filter(|other| (other.x, other.y) == (x, y))
+}
+
+impl Entry {
+    fn point(&self) -> Point {
+        let [x, y, z] = self.place;
+        Point { x, y, z }
+    }
+}
+
+fn not_of_class() -> Error {
+    no_ground_of_class(&GROUND.to_string())
+        .remedy("pass ‹ground› filter, or classify the cloud before")
+}

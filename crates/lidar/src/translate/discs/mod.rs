@@ -1,0 +1,372 @@
+//! Points of which no two are nearer to each other than a distance, while each other point is nearer than that to one
+//! of them: Poisson discs, in space.
+//!
+//! Points come one after the other, by a hash of their places, and one is kept if none that came before is kept
+//! nearer to it. So what is kept is a function of the set of points. What becomes of a point may depend on ever others
+//! farther away, but chains of points that come one after the other end soon: of n points no chain is expected to be
+//! longer than some log n (Blelloch, Fineman, Shun 2012). So squares are looked at by themselves, with what is around
+//! them; where a chain comes from beyond that, fates are unknown, and more around those is looked at.
+
+mod fates;
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::total;
+use crate::points::Tiling;
+use crate::records::choice::{Chosen, place, time};
+use crate::records::{Flow, Records, numbered};
+use fates::{Fate, Fates, HELD, Span, contains};
+use terrane_base::bits::BitSet;
+use terrane_base::bits::{mixed, ordered};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Apart, Point};
+use terrane_cloud::{CloudInfo, PointFormat};
+use terrane_delaunay::Window;
+use terrane_engine::plan::At;
+use terrane_engine::workers;
+use terrane_files::{Buckets, lock};
+
+/// Distances around a square that are looked at first.
+const HALO: i64 = 4;
+/// The least side of a square, in distances, unless too many points are in it.
+const LEAST_SIDE: i64 = 16;
+/// Most points of a square, about.
+const MOST_POINTS: u64 = 1 << 17;
+/// Bytes of tables for each square that points wait in, and of a thread at the least.
+const SQUARE: u64 = 256;
+const LEAST: u64 = 2 << 20;
+/// Most points that wait for their turns at a time.
+const MOST_WAITING: u64 = 1 << 20;
+/// Entries that are read together.
+const TOGETHER: usize = 1 << 12;
+
+/// A point that is to be kept or left out.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+#[repr(C)]
+struct Entry {
+    place: [i32; 3],
+    spare: u32,
+    time: u64,
+    /// Of the record.
+    number: u64,
+}
+
+/// An entry by its turn: the lowest comes first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Turn {
+    hash: u64,
+    entry: Entry,
+}
+
+impl Turn {
+    fn of(entry: Entry) -> Self {
+        Self { hash: mixed(&entry.place.map(ordered)), entry }
+    }
+
+    fn point(&self) -> Point {
+        let [x, y, z] = self.entry.place;
+        Point { x, y, z }
+    }
+}
+
+/// Bytes of memory for so many points beside that of each thread, and that.
+pub(super) fn needed(points: u64) -> [u64; 2] {
+    let tables = (points / 4096).clamp(1, 1 << 18) * SQUARE;
+    [points / 8 + tables + LEAST, LEAST]
+}
+
+/// Fails where distances in space have no meaning, or none is so small.
+pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
+    let (crs, scale) = (&info.crs, info.frame.scale);
+    if crs.horizontal_unit() == "degree" {
+        return Err(Error::usage(
+            "‹thin_distance› needs coordinates in a unit of length, and these are degrees",
+        )
+        .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
+    }
+    let units = crs.horizontal_metres().zip(crs.vertical_metres());
+    if units.is_some_and(|(across, up)| (across / up - 1.0).abs() > 1e-5) {
+        return Err(Error::usage("‹thin_distance› needs heights in the unit of x and y")
+            .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
+    }
+    if !least.is_finite() || scale.iter().any(|step| least < *step) {
+        return Err(Error::usage(format!(
+            "a distance of {least} is smaller than a step of the points"
+        ))
+        .remedy("choose a larger one, or ‹dedupe› for points that are there twice"));
+    }
+    Ok(())
+}
+
+/// What is chosen from, and with what.
+pub(super) struct Discs<'a> {
+    pub(super) apart: Apart,
+    /// Where records lie.
+    pub(super) info: &'a CloudInfo,
+    pub(super) format: PointFormat,
+    pub(super) flow: Flow,
+    pub(super) threads: usize,
+    /// Bytes for points.
+    pub(super) memory: u64,
+    pub(super) folder: &'a Path,
+    pub(super) at: At<'a>,
+}
+
+/// Points by square of the plane, and what is kept of them.
+struct Search<'a> {
+    discs: &'a Discs<'a>,
+    tiling: Tiling,
+    /// Where all points are.
+    bounds: Span,
+    entries: Buckets<Entry>,
+    kept: Mutex<BitSet>,
+}
+
+/// What is known of a square.
+enum Known {
+    All,
+    /// All but some within a span.
+    But(Span),
+    /// There are too many points.
+    TooMany,
+}
+
+impl Discs<'_> {
+    /// The records of points that are kept.
+    ///
+    /// # Errors
+    /// Too many points near to each other for the memory.
+    pub(super) fn choose<'r>(&self, records: &'r dyn Records) -> Result<Chosen<'r>> {
+        let [low, high] = self.info.bounds.unwrap_or_default();
+        let tiling = Tiling::new([low, high], self.info.count);
+        let entries = Buckets::new(self.folder, tiling.count(), self.memory / 2);
+        self.at.progress.begin("places", total(records));
+        let (firsts, count) = self.pass(records, (&tiling, &entries))?;
+        self.at.progress.end();
+        let bounds = [low, high].map(|end| [i64::from(end.x), i64::from(end.y)]);
+        let kept = Mutex::new(BitSet::new(count as usize));
+        let search = Search { discs: self, tiling, bounds, entries, kept };
+        search.run()?;
+        let kept = search.kept.into_inner().unwrap_or_default();
+        Ok(Chosen::of(records, self.flow.record, (firsts, count), kept))
+    }
+
+    fn pass(
+        &self,
+        records: &dyn Records,
+        (tiling, entries): (&Tiling, &Buckets<Entry>),
+    ) -> Result<(Vec<u64>, u64)> {
+        let time_at = self.format.time_at();
+        let mut writer = entries.writer();
+        let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
+            let point = place(record);
+            let (place, time) = ([point.x, point.y, point.z], time(record, time_at));
+            let entry = Entry { place, spare: 0, time, number };
+            writer.push(tiling.square_of(point), entry)
+        })?;
+        writer.finish()?;
+        Ok(passed)
+    }
+
+    /// Bytes of a thread: half for points that wait for their turn, half for those held.
+    fn share(&self) -> u64 {
+        (self.memory / 2 / self.threads as u64).max(LEAST)
+    }
+
+    /// Points that wait for their turn at a time.
+    fn most_waiting(&self) -> usize {
+        (self.share() / 4 / size_of::<Turn>() as u64).min(MOST_WAITING) as usize
+    }
+
+    fn most_held(&self) -> usize {
+        (self.share() / 2 / HELD) as usize
+    }
+
+    /// The larger of the steps along x and y that points nearer than the distance do not differ by.
+    fn reach(&self) -> i64 {
+        let [x, y, _] = self.apart.steps();
+        x.max(y)
+    }
+
+    /// The side of squares that have, with what is around them, as many points as can wait.
+    fn side(&self, tiling: &Tiling) -> i64 {
+        let each = (self.info.count / tiling.count() as u64).max(1);
+        let squares = (self.most_waiting() as u64).min(MOST_POINTS) / each;
+        let side = (squares.max(1).isqrt() as i64).saturating_mul(tiling.side().into());
+        let reach = self.reach();
+        side.saturating_sub(reach.saturating_mul(2 * HALO)).max(reach.saturating_mul(LEAST_SIDE))
+    }
+}
+
+impl Search<'_> {
+    /// Finds all that are kept, square by square.
+    fn run(&self) -> Result<()> {
+        let Discs { threads, at, .. } = self.discs;
+        let ([low, high], side) = (self.bounds, self.discs.side(&self.tiling));
+        let [columns, rows] = [0, 1].map(|axis| (high[axis] - low[axis]) / side + 1);
+        let count = (columns * rows) as u64;
+        at.progress.begin("distances", count);
+        let square = |waiting: &mut Vec<Turn>, square: u64| {
+            let place = [square as i64 % columns, square as i64 / columns];
+            let first = [0, 1].map(|axis| low[axis] + place[axis] * side);
+            let last = [0, 1].map(|axis| first[axis].saturating_add(side - 1).min(high[axis]));
+            self.square([first, last], waiting)?;
+            at.progress.advance(1);
+            Ok(())
+        };
+        let room = || Vec::with_capacity(2 * self.discs.most_waiting());
+        workers::run(*threads, count, at.cancel, room, square, |_| Ok(()))?;
+        at.progress.end();
+        Ok(())
+    }
+
+    fn square(&self, square: Span, waiting: &mut Vec<Turn>) -> Result<()> {
+        let mut spans = vec![(square, HALO)];
+        while let Some((span, halo)) = spans.pop() {
+            self.discs.at.cancel.check()?;
+            match self.judge(span, halo, waiting)? {
+                Known::All => {}
+                Known::But(unknown) => spans.push((unknown, 2 * halo)),
+                Known::TooMany => {
+                    let quarters = self.quarters(span)?;
+                    spans.extend(quarters.map(|quarter| (quarter, halo)));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The quarters of a span that has too many points.
+    fn quarters(&self, [low, high]: Span) -> Result<[Span; 4]> {
+        if (0..2).any(|axis| high[axis] - low[axis] < self.discs.reach()) {
+            let least = self.discs.apart.least();
+            let message = format!("too many points are kept {least} apart at one place");
+            return Err(Error::new(ErrorKind::Resource, message)
+                .remedy("pass a larger ‹memory›, or a larger ‹thin_distance›"));
+        }
+        let middle = [0, 1].map(|axis| low[axis] + (high[axis] - low[axis]) / 2);
+        let part = |axis: usize, half: usize| match half {
+            0 => [low[axis], middle[axis]],
+            _ => [middle[axis] + 1, high[axis]],
+        };
+        Ok([[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| {
+            let (x, y) = (part(0, x), part(1, y));
+            [[x[0], y[0]], [x[1], y[1]]]
+        }))
+    }
+
+    /// Looks at the points of a span and so many distances around it, by their turns; keeps those of the span that
+    /// are known to be kept.
+    fn judge(&self, span: Span, halo: i64, waiting: &mut Vec<Turn>) -> Result<Known> {
+        let (whole, sure) = self.around(span, halo);
+        let mut fates = Fates::new(&self.discs.apart, sure);
+        let (mut unknown, mut after): (Option<Span>, _) = (None, None);
+        loop {
+            let is_last = self.next([&span, &whole], (after, &fates), waiting)?;
+            let mut kept = Vec::new();
+            for turn in waiting.iter() {
+                let (fate, [x, y, _]) = (fates.judge(turn.point()), turn.entry.place);
+                match fate {
+                    _ if !contains(&span, [x, y]) => {}
+                    Fate::LeftOut => {}
+                    Fate::Kept => kept.push(turn.entry.number),
+                    Fate::Unknown => unknown = Some(with(unknown, [x.into(), y.into()])),
+                }
+            }
+            let mut all = lock(&self.kept);
+            kept.iter().for_each(|number| {
+                all.insert(*number as usize);
+            });
+            drop(all);
+            if fates.len() > self.discs.most_held() {
+                return Ok(Known::TooMany);
+            }
+            if is_last {
+                return Ok(unknown.map_or(Known::All, Known::But));
+            }
+            after = waiting.last().copied();
+        }
+    }
+
+    /// A span with so many distances around it, and where in it all points nearer than one are known.
+    fn around(&self, [low, high]: Span, halo: i64) -> (Span, Span) {
+        let (reach, ends) = (self.discs.apart.steps(), self.bounds);
+        let mut whole = [low, high];
+        let mut sure = [[i64::MIN; 2], [i64::MAX; 2]];
+        for axis in 0..2 {
+            let wide = reach[axis].saturating_mul(halo);
+            whole[0][axis] = low[axis].saturating_sub(wide).max(ends[0][axis]);
+            whole[1][axis] = high[axis].saturating_add(wide).min(ends[1][axis]);
+            if whole[0][axis] > ends[0][axis] {
+                sure[0][axis] = whole[0][axis] + reach[axis];
+            }
+            if whole[1][axis] < ends[1][axis] {
+                sure[1][axis] = whole[1][axis] - reach[axis];
+            }
+        }
+        (whole, sure)
+    }
+
+    /// The next points in and around a span, in their order: of those that come after one those whose fate is not
+    /// known yet, nor known to be unknown around the span. True when there are no more.
+    fn next(
+        &self,
+        [span, whole]: [&Span; 2],
+        (after, fates): (Option<Turn>, &Fates<'_>),
+        waiting: &mut Vec<Turn>,
+    ) -> Result<bool> {
+        let most = self.discs.most_waiting();
+        let mut until: Option<Turn> = None;
+        waiting.clear();
+        self.each(whole, &mut |entry| {
+            let turn = Turn::of(entry);
+            let is_next =
+                after.is_none_or(|after| after < turn) && until.is_none_or(|until| turn < until);
+            let is_known = || match contains(span, [entry.place[0], entry.place[1]]) {
+                true => fates.is_left_out(turn.point()),
+                false => fates.is_settled(turn.point()),
+            };
+            if !is_next || after.is_some() && is_known() {
+                return;
+            }
+            waiting.push(turn);
+            if waiting.len() == 2 * most {
+                until = Some(*waiting.select_nth_unstable(most - 1).1);
+                waiting.truncate(most);
+            }
+        })?;
+        waiting.sort_unstable();
+        Ok(until.is_none())
+    }
+
+    /// Hands on the points of a span.
+    fn each(&self, whole: &Span, take: &mut dyn FnMut(Entry)) -> Result<()> {
+        // Within the bounds, whose ends are i32.
+        let [low, high] = whole.map(|end| end.map(|at| at as i32));
+        let mut some = vec![Entry::zeroed(); TOGETHER];
+        for square in self.tiling.touching(Window { low, high }) {
+            let mut first = 0;
+            while first < self.entries.len(square) {
+                let read = self.entries.read_from(square, first, &mut some)?;
+                first += read as u64;
+                let within = |entry: &&Entry| contains(whole, [entry.place[0], entry.place[1]]);
+                some[..read].iter().filter(within).for_each(|entry| take(*entry));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A span that holds a place, too.
+fn with(span: Option<Span>, place: [i64; 2]) -> Span {
+    let [low, high] = span.unwrap_or([place; 2]);
+    [0, 1].map(|end| {
+        [0, 1].map(|axis| match end {
+            0 => low[axis].min(place[axis]),
+            _ => high[axis].max(place[axis]),
+        })
+    })
+}

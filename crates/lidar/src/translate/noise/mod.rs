@@ -1,0 +1,237 @@
+//! Points that are noise get its class, before anything is told by the ground.
+//!
+//! ```text
+//! records ── places, by parts of space ── scores, part by part ──[limit of all]── bits ── records again, with the class
+//! ```
+
+mod noted;
+mod parts;
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::above::{is_known_noise, is_there};
+use super::total;
+use crate::grid::preset::Metres;
+use crate::records::choice::place;
+use crate::records::{Flow, Records, Take, Unit, numbered};
+pub(super) use noted::{Marks, Noise, Noted};
+use parts::{Entry, Filling, Parts};
+use terrane_base::bits::BitSet;
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{CloudInfo, PointFormat};
+use terrane_engine::plan::At;
+use terrane_engine::workers;
+use terrane_files::{Buckets, lock};
+use terrane_ground::noise::{Asked, Limit, Space, Sums};
+
+/// Points that are put into parts together.
+const TOGETHER: usize = 1 << 14;
+/// Bytes that are held of points on their way into parts at the least, and of a thread beside its scores.
+const HELD: u64 = 4 << 20;
+const THREAD: u64 = 2 << 20;
+/// Most steps from where coordinates are zero that are told apart.
+const MOST_STEPS: f64 = 1e18;
+/// Buckets that scores wait in.
+const BUCKETS: u64 = 64;
+
+/// A score and the number of its record.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Score {
+    number: u64,
+    score: u64,
+}
+
+/// Bytes of memory for so many points, and more for each thread.
+pub(super) fn needed(asked: &Asked, points: u64) -> [u64; 2] {
+    [points / 8 + parts::tables(points) + HELD, THREAD + asked.bytes(parts::MOST)]
+}
+
+/// World units along x or y beyond which no other point matters.
+///
+/// # Errors
+/// As [`space`], and cubes smaller than a step.
+pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
+    let [x, y, _] = asked.reach(&space(info)?.0)?;
+    Ok((x as f64 * info.frame.scale[0]).max(y as f64 * info.frame.scale[1]))
+}
+
+/// Where points lie, and whether their unit is a guess.
+///
+/// # Errors
+/// Coordinates that are no lengths.
+fn space(info: &CloudInfo) -> Result<(Space, bool)> {
+    let metres = Metres::of(&info.crs, &info.frame).map_err(|_| {
+        Error::usage("‹classify› noise needs coordinates in units of length")
+            .remedy("write the points with ‹to_crs› first, and look for noise in these")
+    })?;
+    let frame = &info.frame;
+    let zero = [0, 1, 2].map(|axis| {
+        (frame.offset[axis] / frame.scale[axis]).round().clamp(-MOST_STEPS, MOST_STEPS) as i64
+    });
+    Ok((Space { step: metres.step, zero }, metres.is_guess))
+}
+
+/// What noise is looked for with.
+pub(super) struct Looking<'a> {
+    pub(super) asked: &'a Asked,
+    /// Where records lie.
+    pub(super) info: &'a CloudInfo,
+    pub(super) format: PointFormat,
+    pub(super) flow: Flow,
+    pub(super) threads: usize,
+    /// Bytes for points.
+    pub(super) memory: u64,
+    pub(super) folder: &'a Path,
+    /// Whether points marked as withheld are looked at.
+    pub(super) keeps_withheld: bool,
+    pub(super) at: At<'a>,
+}
+
+impl Looking<'_> {
+    /// The records, with the class of noise for those that are.
+    ///
+    /// # Errors
+    /// As for [`reach`].
+    pub(super) fn mark<'r>(&self, records: &'r dyn Records) -> Result<Marked<'r>> {
+        let (space, is_guess) = space(self.info)?;
+        self.asked.reach(&space)?;
+        let ((firsts, count), parts) = self.divide(records, &space)?;
+        let noise = Mutex::new(BitSet::new(count as usize));
+        let limit = self.judge(&space, &parts, &noise)?;
+        drop(parts);
+        let noise = noise.into_inner().unwrap_or_default();
+        let notes = self.told(&noise, &limit, (&space, is_guess));
+        let (format, record, class) = (self.format, self.flow.record, self.asked.class());
+        Ok(Marked { records, format, record, class, noise, firsts, count, notes })
+    }
+
+    /// Points that are neither noise yet nor withheld, by parts.
+    fn divide<'s>(
+        &'s self,
+        records: &dyn Records,
+        space: &'s Space,
+    ) -> Result<((Vec<u64>, u64), Parts<'s>)> {
+        let points = total(records);
+        self.at.progress.begin("places", points);
+        let all = (self.info.bounds.unwrap_or_default(), points);
+        let mut filling = Filling::new(space, all, (self.folder, self.memory / 2));
+        let mut some = Vec::with_capacity(TOGETHER);
+        let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
+            if self.is_looked_at(record) {
+                some.push(Entry::new(place(record), number));
+            }
+            if some.len() == TOGETHER { filling.add(&mut some) } else { Ok(()) }
+        })?;
+        filling.add(&mut some)?;
+        let parts = filling.finish(self.at)?;
+        self.at.progress.end();
+        Ok((passed, parts))
+    }
+
+    fn is_looked_at(&self, record: &[u8]) -> bool {
+        !is_known_noise(self.format, record) && is_there(self.format, self.keeps_withheld, record)
+    }
+
+    /// Finds what is noise, and by which limit.
+    fn judge(&self, space: &Space, parts: &Parts<'_>, noise: &Mutex<BitSet>) -> Result<Limit> {
+        let (asked, sums) = (self.asked, Mutex::new(Sums::default()));
+        let scores = Buckets::new(self.folder, BUCKETS as usize, self.memory / 4);
+        let local = asked.is_local().then(|| asked.limit(&Sums::default()));
+        self.at.progress.begin("noise", parts.count());
+        let part = |own: &mut Sums, part: u64| {
+            let (mut points, mut numbers) = (Vec::new(), Vec::new());
+            parts.load(part, &mut points, &mut numbers)?;
+            let found = asked.scores(space, &points, &mut parts.around(part))?;
+            let found = numbers.into_iter().zip(found);
+            let found: Vec<_> = found.map(|(number, score)| Score { number, score }).collect();
+            match &local {
+                Some(limit) => mark(noise, limit, &found),
+                None => {
+                    found.iter().for_each(|found| own.add(found.score));
+                    scores.push((part % BUCKETS) as usize, &found)?;
+                }
+            }
+            self.at.progress.advance(1);
+            Ok(())
+        };
+        let finish = |own: Sums| {
+            lock(&sums).merge(&own);
+            Ok(())
+        };
+        workers::run(self.threads, parts.count(), self.at.cancel, Sums::default, part, finish)?;
+        self.at.progress.end();
+        let limit = local.unwrap_or_else(|| asked.limit(&lock(&sums)));
+        for bucket in 0..BUCKETS as usize {
+            self.at.cancel.check()?;
+            scores.read(bucket, |found| mark(noise, &limit, found))?;
+        }
+        Ok(limit)
+    }
+
+    /// What was found, one line each.
+    fn told(
+        &self,
+        noise: &BitSet,
+        limit: &Limit,
+        (space, is_guess): (&Space, bool),
+    ) -> Vec<String> {
+        let found: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
+        let far = match limit {
+            Limit::Few(_) => String::new(),
+            Limit::Far(most) => format!(", more than {:.3} m from others", most * space.unit()),
+        };
+        let (class, asked) = (self.asked.class(), self.asked);
+        let found = format!("noise: {found} points of class {class} by {asked}{far}");
+        [found].into_iter().chain(is_guess.then(|| Metres::GUESS.to_owned())).collect()
+    }
+}
+
+/// Notes which points are noise.
+fn mark(noise: &Mutex<BitSet>, limit: &Limit, found: &[Score]) {
+    let mut all = lock(noise);
+    found.iter().filter(|found| limit.is_noise(found.score)).for_each(|found| {
+        all.insert(found.number as usize);
+    });
+}
+
+/// Records, some of which have got the class of noise.
+pub(super) struct Marked<'a> {
+    records: &'a dyn Records,
+    format: PointFormat,
+    record: usize,
+    class: u8,
+    noise: BitSet,
+    /// Number of the first record of each unit, and how many there are.
+    firsts: Vec<u64>,
+    count: u64,
+    pub(super) notes: Vec<String>,
+}
+
+impl Records for Marked<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn unit(&self, unit: usize) -> Unit<'_> {
+        self.records.unit(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let (mut number, mut marked) = (self.firsts[unit] as usize, Vec::new());
+        self.records.read(unit, &mut |bytes| {
+            marked.clear();
+            marked.extend_from_slice(bytes);
+            for record in marked.chunks_exact_mut(self.record) {
+                if self.noise.contains(number) {
+                    self.format.set_class(record, self.class);
+                }
+                number += 1;
+            }
+            take(&marked)
+        })
+    }
+}

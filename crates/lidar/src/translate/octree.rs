@@ -1,0 +1,418 @@
+//! Records into an octree (COPC): every node has points from all of its cube, and what is below it the rest.
+//!
+//! A node with at most [`NODE_POINTS`] points below it has them all, and so has one whose points are all at one place,
+//! which no division takes apart. Else its cube is divided into cells, and of
+//! the points that the eight nodes below it would have it takes the one nearest to the middle of each. That is a
+//! function of the points alone, so the columns of nodes that are worked on at a time leave no trace; nor does the order of
+//! points, which are sorted in each node.
+//!
+//! Points are first put into columns of the level where these have some ten thousand, as ground is flat. Columns are
+//! taken four at a time, those of one node, and what a node takes from those below it goes up.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use crate::records::choice::place;
+use crate::records::{Flow, Records};
+use terrane_base::error::Result;
+use terrane_base::geom::{Frame, Point};
+use terrane_cloud::write::{Chunk, CloudWriter, Cube, Key, Layout};
+use terrane_cloud::{CloudInfo, PointFormat};
+use terrane_engine::plan::At;
+use terrane_files::Buckets;
+
+/// Points that a node may have without nodes below it; more only where they are all at one place.
+const NODE_POINTS: usize = 1 << 16;
+/// Cells along a side of a node, as a power of two.
+const CELLS: u32 = 7;
+/// Divisions of the cube along a side, as a power of two, and the deepest level.
+const FINE: u32 = 30;
+const DEEPEST: u32 = FINE - CELLS - 1;
+/// Points that columns have on average at most, and the most levels of columns that are begun with.
+const COLUMN_POINTS: u64 = 50_000;
+const MOST_LEVELS: u32 = 8;
+
+/// Where points are in the cube.
+pub(super) struct Place {
+    frame: Frame,
+    cube: Cube,
+}
+
+/// The points of the nodes of a column, by their numbers from the bottom: what may still go up.
+type Column = BTreeMap<u32, Node>;
+
+/// A node whose points may still go up.
+#[derive(Default)]
+struct Node {
+    records: Vec<u8>,
+    /// Of the points here and below.
+    occupied: Occupancy,
+}
+
+/// How many points there are, and the lowest and highest divisions of the cube that they lie in.
+#[derive(Clone, Copy)]
+struct Occupancy {
+    points: usize,
+    low: [u32; 3],
+    high: [u32; 3],
+}
+
+impl Default for Occupancy {
+    /// Of no points.
+    fn default() -> Self {
+        Self { points: 0, low: [u32::MAX; 3], high: [0; 3] }
+    }
+}
+
+impl Occupancy {
+    /// Of one point.
+    fn of(fine: [u32; 3]) -> Self {
+        Self { points: 1, low: fine, high: fine }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            points: self.points + other.points,
+            low: std::array::from_fn(|axis| self.low[axis].min(other.low[axis])),
+            high: std::array::from_fn(|axis| self.high[axis].max(other.high[axis])),
+        }
+    }
+
+    /// Whether a node has all these points itself.
+    fn is_whole(&self) -> bool {
+        self.points <= NODE_POINTS || self.low == self.high
+    }
+}
+
+/// A node with nothing to be changed.
+type Done = (Key, Vec<u8>);
+
+impl Place {
+    /// The cube around a cloud.
+    pub(super) fn new(info: &CloudInfo) -> Self {
+        let origin = Point { x: 0, y: 0, z: 0 };
+        let [low, high] = info.bounds.unwrap_or([origin; 2]).map(|point| info.frame.world(point));
+        let reach = |axis: usize| (high[axis] - low[axis]).max(info.frame.scale[axis]);
+        let side = (0..3).map(reach).fold(0.0, f64::max);
+        Self { frame: info.frame, cube: Cube { low, side, cells: 1 << CELLS } }
+    }
+
+    pub(super) fn cube(&self) -> Cube {
+        self.cube
+    }
+
+    /// The node of a level that a record is in.
+    fn at(&self, level: u32, record: &[u8]) -> [u32; 3] {
+        self.fine(record).map(|fine| fine >> (FINE - level))
+    }
+
+    /// The division of the cube that a record is in.
+    fn fine(&self, record: &[u8]) -> [u32; 3] {
+        let world = self.frame.world(place(record));
+        let most = f64::from(1_u32 << FINE);
+        std::array::from_fn(|axis| {
+            let share = (world[axis] - self.cube.low[axis]) / self.cube.side;
+            (share * most).clamp(0.0, most - 1.0) as u32
+        })
+    }
+}
+
+/// The four columns below one.
+fn below(at: [u32; 2]) -> [[u32; 2]; 4] {
+    [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| [2 * at[0] + x, 2 * at[1] + y])
+}
+
+/// Makes the octree of records.
+pub(super) struct Octree<'a> {
+    pub(super) place: &'a Place,
+    pub(super) layout: Layout,
+    pub(super) folder: &'a Path,
+    /// Bytes of the records of a column that are held; and of all that wait.
+    pub(super) memory: [u64; 2],
+    pub(super) at: At<'a>,
+}
+
+impl Octree<'_> {
+    /// Writes all records.
+    pub(super) fn write(
+        &self,
+        records: &dyn Records,
+        flow: Flow,
+        writer: &mut CloudWriter,
+    ) -> Result<()> {
+        let all = super::total(records);
+        self.at.progress.begin("columns", all);
+        let level = (0..MOST_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
+        let level = level.unwrap_or(MOST_LEVELS);
+        let columns = Columns::new(level, 0, [0; 2], (self.folder, self.memory[1]));
+        flow.run(records, self.at, &mut |bytes| columns.take(bytes, self))?;
+        self.at.progress.end();
+        self.at.progress.begin("nodes", all);
+        let root = self.column(0, [0; 2], &columns, writer)?;
+        let root = root.into_iter().map(|(z, node)| ([0, 0, 0, z as i32], node.records));
+        self.put(root.collect(), writer)?;
+        self.at.progress.end();
+        Ok(())
+    }
+
+    fn size(&self) -> usize {
+        self.layout.size()
+    }
+
+    /// The nodes of a column of a level, those below it written.
+    fn column(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &Columns,
+        writer: &mut CloudWriter,
+    ) -> Result<Column> {
+        self.at.cancel.check()?;
+        let four = below(at);
+        let below = match level == columns.level {
+            true if columns.bytes(at) <= self.memory[0] || level >= DEEPEST => {
+                return self.leaf(level, at, columns, writer);
+            }
+            true => {
+                let finer = Columns::new(level + 1, level, at, (self.folder, self.memory[1] / 4));
+                columns.each(at, self.size(), &mut |bytes| finer.take(bytes, self))?;
+                columns.forget(at);
+                self.all(level + 1, four, &finer, writer)?
+            }
+            false => self.all(level + 1, four, columns, writer)?,
+        };
+        let mut done = Vec::new();
+        let column = self.above(level, below, &mut done);
+        self.put(done, writer)?;
+        Ok(column)
+    }
+
+    /// Four columns: at once, where they are the lowest.
+    fn all(
+        &self,
+        level: u32,
+        four: [[u32; 2]; 4],
+        columns: &Columns,
+        writer: &mut CloudWriter,
+    ) -> Result<Vec<([u32; 2], Column)>> {
+        let is_small = |at: &[u32; 2]| columns.bytes(*at) <= self.memory[0];
+        if level < columns.level || !four.iter().all(is_small) {
+            let one = |at: [u32; 2]| Ok((at, self.column(level, at, columns, writer)?));
+            return four.into_iter().map(one).collect();
+        }
+        let built = four.into_par_iter().map(|at| Ok((at, self.build(level, at, columns)?)));
+        let built: Vec<_> = built.collect::<Result<_>>()?;
+        let mut all = Vec::new();
+        for (at, (column, chunks)) in built {
+            self.append(chunks, writer)?;
+            all.push((at, column));
+        }
+        Ok(all)
+    }
+
+    /// A column whose points are all held.
+    fn leaf(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &Columns,
+        writer: &mut CloudWriter,
+    ) -> Result<Column> {
+        let (column, chunks) = self.build(level, at, columns)?;
+        self.append(chunks, writer)?;
+        Ok(column)
+    }
+
+    /// The nodes of a column, and those below it, packed.
+    fn build(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &Columns,
+    ) -> Result<(Column, Vec<(Key, Chunk)>)> {
+        let mut records = Vec::new();
+        columns.each(at, self.size(), &mut |bytes| {
+            records.extend_from_slice(bytes);
+            Ok(())
+        })?;
+        columns.forget(at);
+        let mut done = Vec::new();
+        let column = self.split(level, at, records, &mut done);
+        Ok((column, self.packed(done)?))
+    }
+
+    /// The nodes of a column of these points; those below it that are done go to `done`.
+    fn split(&self, level: u32, at: [u32; 2], records: Vec<u8>, done: &mut Vec<Done>) -> Column {
+        let mut column = Column::new();
+        for record in records.chunks_exact(self.size()) {
+            let fine = self.place.fine(record);
+            let node = column.entry(fine[2] >> (FINE - level)).or_default();
+            node.records.extend_from_slice(record);
+            node.occupied = node.occupied.and(Occupancy::of(fine));
+        }
+        if level >= DEEPEST || column.values().all(|node| node.occupied.is_whole()) {
+            return column;
+        }
+        drop(column);
+        let mut four: [Vec<u8>; 4] = Default::default();
+        for record in records.chunks_exact(self.size()) {
+            let [x, y, _] = self.place.at(level + 1, record);
+            four[(x & 1 | (y & 1) << 1) as usize].extend_from_slice(record);
+        }
+        drop(records);
+        let one = |(at, records)| (at, self.split(level + 1, at, records, done));
+        let below = below(at).into_iter().zip(four).map(one).collect();
+        self.above(level, below, done)
+    }
+
+    /// The nodes of a column above four others, which are done then.
+    fn above(&self, level: u32, below: Vec<([u32; 2], Column)>, done: &mut Vec<Done>) -> Column {
+        let mut nodes: BTreeMap<u32, Vec<([u32; 3], Node)>> = BTreeMap::new();
+        for ([x, y], column) in below {
+            for (z, node) in column {
+                nodes.entry(z / 2).or_default().push(([x, y, z], node));
+            }
+        }
+        nodes.into_iter().map(|(z, below)| (z, self.taken(level, below, done))).collect()
+    }
+
+    /// What a node takes of those below it, which are done then.
+    fn taken(&self, level: u32, below: Vec<([u32; 3], Node)>, done: &mut Vec<Done>) -> Node {
+        let all = below.iter().map(|(_, node)| node.occupied);
+        let occupied = all.fold(Occupancy::default(), Occupancy::and);
+        let all: Vec<(usize, &[u8])> = (0..)
+            .zip(&below)
+            .flat_map(|(i, (_, node))| node.records.chunks_exact(self.size()).map(move |r| (i, r)))
+            .collect();
+        let is_whole = occupied.is_whole();
+        let best = if is_whole { HashMap::new() } else { self.best(level, &all) };
+        let mut own = Vec::new();
+        let mut rest: Vec<Vec<u8>> = vec![Vec::new(); below.len()];
+        for (number, (i, record)) in all.into_iter().enumerate() {
+            let cell = self.cell(level, record);
+            let is_own = is_whole || best.get(&cell).is_some_and(|best| best.1 == number);
+            if is_own { &mut own } else { &mut rest[i] }.extend_from_slice(record);
+        }
+        let level = level as i32 + 1;
+        for ((at, _), records) in below.iter().zip(rest).filter(|(_, rest)| !rest.is_empty()) {
+            let [x, y, z] = at.map(|number| number as i32);
+            done.push(([level, x, y, z], records));
+        }
+        Node { records: own, occupied }
+    }
+
+    /// By cell, the point nearest to its middle; of several the first by its bytes.
+    fn best(&self, level: u32, all: &[(usize, &[u8])]) -> HashMap<u32, (u64, usize)> {
+        let mut best: HashMap<u32, (u64, usize)> = HashMap::new();
+        for (number, (_, record)) in all.iter().enumerate() {
+            let one = (self.apart(level, record), number);
+            let known = best.entry(self.cell(level, record)).or_insert(one);
+            let is_nearer = (one.0, record).lt(&(known.0, &all[known.1].1));
+            if is_nearer {
+                *known = one;
+            }
+        }
+        best
+    }
+
+    /// The cell of a node of a level that a record is in.
+    fn cell(&self, level: u32, record: &[u8]) -> u32 {
+        let [x, y, z] =
+            self.place.fine(record).map(|fine| fine >> (FINE - level - CELLS) & ((1 << CELLS) - 1));
+        x | y << CELLS | z << (2 * CELLS)
+    }
+
+    /// The square of its distance from the middle of that cell.
+    fn apart(&self, level: u32, record: &[u8]) -> u64 {
+        let side = 1_i64 << (FINE - level - CELLS);
+        let along = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;
+        self.place.fine(record).map(|fine| along(fine).pow(2) as u64).iter().sum()
+    }
+
+    fn put(&self, done: Vec<Done>, writer: &mut CloudWriter) -> Result<()> {
+        self.append(self.packed(done)?, writer)
+    }
+
+    fn packed(&self, done: Vec<Done>) -> Result<Vec<(Key, Chunk)>> {
+        let pack = |(key, records): Done| Ok((key, self.layout.pack(self.sorted(&records))?));
+        done.into_par_iter().map(pack).collect()
+    }
+
+    fn append(&self, chunks: Vec<(Key, Chunk)>, writer: &mut CloudWriter) -> Result<()> {
+        for (key, chunk) in chunks {
+            writer.append_node(key, &chunk)?;
+            self.at.progress.advance(chunk.points() as u64);
+        }
+        Ok(())
+    }
+
+    /// Records by time, then by their bytes.
+    fn sorted(&self, records: &[u8]) -> Vec<u8> {
+        let at = PointFormat::default().time_at().unwrap_or(0);
+        let time =
+            |record: &[u8]| record[at..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
+        let mut all: Vec<(f64, &[u8])> =
+            records.chunks_exact(self.size()).map(|record| (time(record), record)).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(b.1)));
+        all.iter().flat_map(|(_, record)| record.iter().copied()).collect()
+    }
+}
+
+/// Records by columns of a level, in memory and in a file.
+struct Columns {
+    level: u32,
+    /// The level and place of the column that they are all in.
+    within: (u32, [u32; 2]),
+    buckets: Buckets<u8>,
+}
+
+impl Columns {
+    fn new(level: u32, above: u32, at: [u32; 2], (folder, memory): (&Path, u64)) -> Self {
+        let count = 1 << (2 * (level - above));
+        Self { level, within: (above, at), buckets: Buckets::new(folder, count, memory) }
+    }
+
+    fn number(&self, at: [u32; 2]) -> usize {
+        let (above, corner) = self.within;
+        let shift = self.level - above;
+        let [x, y] = [0, 1].map(|axis| at[axis] - (corner[axis] << shift));
+        (y << shift | x) as usize
+    }
+
+    fn take(&self, bytes: &[u8], octree: &Octree<'_>) -> Result<()> {
+        for record in bytes.chunks_exact(octree.size()) {
+            let [x, y, _] = octree.place.at(self.level, record);
+            self.buckets.push(self.number([x, y]), record)?;
+        }
+        Ok(())
+    }
+
+    fn bytes(&self, at: [u32; 2]) -> u64 {
+        self.buckets.len(self.number(at))
+    }
+
+    /// Hands on the whole records of a column, some at a time.
+    fn each(
+        &self,
+        at: [u32; 2],
+        size: usize,
+        each: &mut dyn FnMut(&[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let (number, most) = (self.number(at), (1 << 20) / size * size);
+        let (mut first, mut piece) = (0, Vec::new());
+        while first < self.buckets.len(number) {
+            let left = self.buckets.len(number) - first;
+            piece.resize(left.min(most as u64) as usize, 0);
+            let found = self.buckets.read_from(number, first, &mut piece)?;
+            each(&piece[..found])?;
+            first += found as u64;
+        }
+        Ok(())
+    }
+
+    fn forget(&self, at: [u32; 2]) {
+        self.buckets.forget(self.number(at));
+    }
+}

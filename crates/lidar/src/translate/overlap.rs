@@ -1,0 +1,90 @@
+//! Choices where flight lines overlap: in each cell the points of one of them.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::records::choice::{Choice, Group, Rank, place};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Frame;
+use terrane_cloud::{CloudInfo, PointFormat, round_side};
+use terrane_gridding::{Edges, Lattice};
+
+/// Of the flight lines that have points in a cell the one that looks down most nearly upright there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Overlap {
+    /// Side of the cells, in units of x and y, corners at its multiples; twice the spacing of points when `None`,
+    /// rounded up to 1, 2 or 5 times a power of ten.
+    pub cell: Option<f64>,
+}
+
+/// Stands for cells whose size follows from the spacing of points.
+const AUTO: &str = "auto";
+
+impl FromStr for Overlap {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let cell = text.trim().parse().ok().filter(|side: &f64| *side > 0.0 && side.is_finite());
+        match (text, cell) {
+            (AUTO, _) => Ok(Self::default()),
+            (_, Some(_)) => Ok(Self { cell }),
+            (_, None) => Err("expected a number above zero".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for Overlap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.cell {
+            None => f.write_str(AUTO),
+            Some(side) => side.fmt(f),
+        }
+    }
+}
+
+impl Overlap {
+    /// The same, with the cells that it has over a cloud.
+    pub(super) fn over(&self, info: &CloudInfo) -> Self {
+        Self { cell: Some(self.side(info)) }
+    }
+
+    /// The side of cells over a cloud.
+    pub(super) fn side(&self, info: &CloudInfo) -> f64 {
+        self.cell.unwrap_or_else(|| round_side(info, info.bounds.unwrap_or_default()))
+    }
+}
+
+/// Cells, in each of which a flight line is chosen.
+pub(super) struct FlightLines {
+    lattice: Lattice,
+    format: PointFormat,
+}
+
+impl FlightLines {
+    pub(super) fn new(side: f64, frame: &Frame, format: PointFormat) -> Result<Self> {
+        if frame.scale[..2].iter().any(|step| side < *step) {
+            return Err(Error::usage(format!(
+                "cells of {side} are smaller than a step of the points"
+            ))
+            .remedy("choose larger ones with ‹drop_overlap›=CELL"));
+        }
+        Ok(Self { lattice: Lattice::new(frame, [0.0; 2], [side; 2], Edges::default()), format })
+    }
+}
+
+impl Choice for FlightLines {
+    fn mark(&self, record: &[u8]) -> (Group, Rank) {
+        let (at, Lattice { x, y }) = (place(record), &self.lattice);
+        let group = [x.index(at.x) as u64, y.index(at.y) as u64, 0];
+        (
+            group,
+            [self.format.angle(record).unsigned_abs().into(), self.format.source(record).into()],
+        )
+    }
+
+    fn keeps_alike(&self) -> bool {
+        true
+    }
+}

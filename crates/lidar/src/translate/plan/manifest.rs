@@ -1,0 +1,260 @@
+//! The plan of squares on paper: the job, and which squares there are.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::translate::portion::Spans;
+use crate::translate::prepared::Looked;
+use crate::translate::{Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, squares};
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_cloud::{CloudInfo, LasVersion, OpenOptions, PointFormat};
+use terrane_engine::plan;
+use terrane_files::{name_of, path_of};
+
+/// Points that a task has about, unless told otherwise.
+const TASK_POINTS: f64 = (1_u64 << 26) as f64;
+/// Most squares along the side of a task.
+const MOST_CUT: u32 = 1 << 10;
+
+/// Squares to make of a cloud.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Points {
+    pub(super) method: Method,
+    pub(super) blocks: Blocks,
+    /// What is known of the whole cloud.
+    #[serde(flatten)]
+    pub(super) looked: Looked,
+}
+
+/// What is asked for, by paths that hold wherever a task is run on this file system.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Method {
+    input: Vec<String>,
+    #[serde(flatten)]
+    cloud: OpenOptions,
+    format: Option<u8>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    version: Option<LasVersion>,
+    dedupe: bool,
+    above: Above,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    assign: Vec<Assign>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) overlap: Option<Overlap>,
+    thin: Option<Thin>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sort: Option<Sort>,
+    pub(super) squares: Squares,
+    /// True for files that are not compressed.
+    is_plain: bool,
+}
+
+/// Squares that tasks are made of, as found when the plan was made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Blocks {
+    /// First and last square along both axes.
+    pub(super) spans: Spans,
+    /// Squares along the side of a task.
+    pub(super) cut: u32,
+    /// Points that the headers claim.
+    pub(super) points: u64,
+    crs: String,
+}
+
+/// A task: a block by its number, row by row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Block(pub(super) u32);
+
+impl fmt::Display for Block {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "squares-{}", self.0)
+    }
+}
+
+impl Method {
+    /// Of a job, but for where it goes and what it may use.
+    ///
+    /// # Errors
+    /// What is no matter of what lies near a square.
+    pub(super) fn of(job: &TranslateJob) -> Result<Self> {
+        // Named one by one, so that what is new has to be decided on here.
+        let TranslateJob {
+            input,
+            cloud,
+            output: _,
+            format,
+            version,
+            dedupe,
+            above,
+            assign,
+            overlap,
+            thin,
+            distance,
+            transform,
+            sort,
+            squares,
+            split,
+            overwrite: _,
+            resources: _,
+        } = job;
+        if split.is_some() {
+            return Err(Error::usage(
+                "‹split› is not supported by plan points: a value may have points in every task",
+            )
+            .remedy("plan with ‹tile› and run ‹terrane points› with ‹split› on its folder, or run ‹terrane points› alone"));
+        }
+        let Some((squares, is_plain)) = *squares else {
+            return Err(Error::usage("a plan makes squares: one file is written by one run")
+                .remedy("pass ‹tile›, the side of squares"));
+        };
+        if transform.is_some() {
+            return Err(Error::usage("‹to_crs› cannot act in a plan: which points are in a square of another system is known when all are moved")
+                .remedy("plan without it and run ‹terrane points› with ‹to_crs› on the squares, or run ‹terrane points› alone"));
+        }
+        if distance.is_some() {
+            return Err(Error::usage("‹thin_distance› cannot act in a plan: whether a point stays may depend on points however far away")
+                .remedy("plan without it and run ‹terrane points› with ‹thin_distance› on the squares, or run ‹terrane points› alone"));
+        }
+        Ok(Self {
+            input: input.clone(),
+            cloud: cloud.clone(),
+            format: format.map(PointFormat::number),
+            version: *version,
+            dedupe: *dedupe,
+            above: above.clone(),
+            assign: assign.clone(),
+            overlap: *overlap,
+            thin: *thin,
+            sort: *sort,
+            squares,
+            is_plain,
+        })
+    }
+
+    /// The job, its output and resources left to be said.
+    pub(super) fn job(&self) -> Result<TranslateJob> {
+        Ok(TranslateJob {
+            cloud: self.cloud.clone(),
+            format: self.format.map(PointFormat::new).transpose()?,
+            version: self.version,
+            dedupe: self.dedupe,
+            above: self.above.clone(),
+            assign: self.assign.clone(),
+            overlap: self.overlap,
+            thin: self.thin,
+            sort: self.sort,
+            squares: Some((self.squares, self.is_plain)),
+            ..TranslateJob::new(self.input.clone(), "")
+        })
+    }
+
+    /// Takes the files of the opened cloud for the input, where they are any.
+    pub(super) fn found(&mut self, files: &[String]) -> Result<()> {
+        let absolute = |name: &String| name_of(plan::noted_path(&path_of(name))?);
+        if !files.is_empty() {
+            self.input = files.iter().map(absolute).collect::<Result<_>>()?;
+        }
+        Ok(())
+    }
+
+    /// What files of squares end with.
+    pub(super) fn ending(&self) -> &'static str {
+        if self.is_plain { "las" } else { "laz" }
+    }
+
+    pub(super) fn input(&self) -> &[String] {
+        &self.input
+    }
+}
+
+impl Blocks {
+    /// Of points that lie so; tasks are as large as makes a fair piece of work unless told otherwise.
+    ///
+    /// # Errors
+    /// Too many squares.
+    pub(super) fn of(info: &CloudInfo, squares: &Squares, cut: Option<u32>) -> Result<Self> {
+        let spans = squares::spans(squares, info)?;
+        let count = counts(spans).iter().product::<u64>();
+        let fair = (TASK_POINTS * count as f64 / info.count.max(1) as f64).sqrt().round();
+        let cut = cut.unwrap_or(fair.clamp(1.0, f64::from(MOST_CUT)) as u32);
+        let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
+        Ok(Self { spans, cut, points: info.count, crs })
+    }
+
+    /// Fails when there is nothing to make, or too much.
+    pub(super) fn check(&self) -> Result<()> {
+        if !(1..=MOST_CUT).contains(&self.cut) {
+            return Err(Error::usage(format!("a task of {} squares a side is none", self.cut))
+                .remedy(format!("choose 1 to {MOST_CUT}")));
+        }
+        if self.spans.iter().any(|[first, last]| first > last) {
+            return Err(Error::bad_input("it has no squares"));
+        }
+        limits::check("number of tasks", self.count(), plan::MOST_TASKS)
+    }
+
+    /// Columns and rows of squares.
+    pub(super) fn counts(&self) -> [u64; 2] {
+        counts(self.spans)
+    }
+
+    /// Columns and rows of tasks.
+    fn tasks(&self) -> [u64; 2] {
+        self.counts().map(|count| count.div_ceil(u64::from(self.cut.max(1))))
+    }
+
+    /// Number of tasks.
+    fn count(&self) -> u64 {
+        self.tasks().iter().product()
+    }
+
+    /// All tasks, row by row.
+    pub(super) fn all(&self) -> impl Iterator<Item = Block> + use<> {
+        (0..self.count() as u32).map(Block)
+    }
+
+    /// The squares of a task.
+    pub(super) fn of_task(&self, Block(block): Block) -> Spans {
+        let across = self.tasks()[0] as u32;
+        let place = [block % across, block / across];
+        [0, 1].map(|axis| {
+            let [first, last] = self.spans[axis];
+            let low = first + i64::from(place[axis]) * i64::from(self.cut);
+            [low, (low + i64::from(self.cut) - 1).min(last)]
+        })
+    }
+
+    /// How many squares these are.
+    pub(super) fn size(spans: Spans) -> u64 {
+        counts(spans).iter().product()
+    }
+}
+
+fn counts(spans: Spans) -> [u64; 2] {
+    spans.map(|[first, last]| (last - first).unsigned_abs() + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tasks_have_each_square_once() {
+        for (spans, cut) in [([[0, 0], [0, 0]], 1), ([[-3, 4], [7, 9]], 3), ([[5, 9], [-1, 5]], 2)]
+        {
+            let blocks = Blocks { spans, cut, points: 1, crs: String::new() };
+            let [x, y] = spans;
+            let mut seen = std::collections::BTreeSet::new();
+            for block in blocks.all() {
+                let [[west, east], [south, north]] = blocks.of_task(block);
+                for at in (south..=north).flat_map(|row| (west..=east).map(move |col| (col, row))) {
+                    assert!(seen.insert(at), "{at:?} twice");
+                }
+            }
+            let all = (y[0]..=y[1]).flat_map(|row| (x[0]..=x[1]).map(move |col| (col, row)));
+            assert!(seen.into_iter().eq(all.collect::<std::collections::BTreeSet<_>>()));
+        }
+    }
+}

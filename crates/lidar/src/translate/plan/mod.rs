@@ -1,0 +1,133 @@
+//! Squares of points by plan: squares are put together to blocks, each a task of its own that reads what lies near
+//! it; the last task puts their files into one folder. The files are those of a single run, byte for byte.
+//!
+//! A task opens all headers, so that frame, format and squares are those of the whole. What is not a matter of what
+//! lies near is refused, or looked at once when the plan is made: of the ground, and noise.
+
+mod manifest;
+mod probe;
+mod work;
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{PointsOptions, TranslateJob};
+use manifest::Points;
+use terrane_base::error::Result;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::operation::{Divisible, Request};
+use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport, Written};
+use terrane_engine::sift::Skipped;
+use terrane_files::{refuse_held, shown_all};
+
+/// Squares of points to plan; a task has so many squares along its side (`cut`).
+pub type PlanPointsJob = plan::PlanJob<TranslateJob>;
+/// The plan of points, or how far the work on it has come.
+pub type PointsStatus = StatusReport<SquareStatus>;
+
+/// What is told of the plan of points alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct SquareStatus {
+    /// Columns and rows of squares.
+    pub squares: [u64; 2],
+    /// Side of a square, in units of x and y.
+    pub side: f64,
+    /// Points that the headers claim.
+    pub points: u64,
+}
+
+/// What is told of a run on points alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SquareRun {
+    /// Points written by the tasks it did.
+    pub points: u64,
+    /// What is written, once it is.
+    pub written: Option<PointsWritten>,
+}
+
+impl Written for SquareRun {
+    fn written(&self) -> Option<&str> {
+        self.written.as_ref().map(|points| points.output.as_str())
+    }
+}
+
+/// Files of squares that were written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, serde::Deserialize)]
+#[allow(missing_docs)]
+pub struct PointsWritten {
+    pub input: String,
+    pub output: String,
+    pub point_format: u8,
+    pub files: u64,
+    /// Points in them; those of buffers are in several.
+    pub points: u64,
+    pub crs: String,
+    pub output_bytes: u64,
+    pub notes: Vec<String>,
+}
+
+impl Divisible for PointsOptions {
+    const TASK_SIZE: &'static str = "Squares along the side of a task, which reads what lies near them \
+                                     [default: as many as have about 67 million points]";
+    terrane_engine::planned_as!(Points, SquareStatus, SquareRun);
+
+    fn plan(
+        &self,
+        request: Request<'_>,
+        task_size: Option<u32>,
+    ) -> Result<StatusReport<SquareStatus>> {
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let job = self.job(inputs.names(), &folder.join("points"))?;
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_points(&PlanPointsJob { job, folder, cut: task_size, skipped }, progress, cancel)
+    }
+}
+
+/// Writes down what is to be made, from what, by which tasks, and what they need. Where something is told of the
+/// ground, or noise is found by all points, these are looked at once. A few squares are made, to tell the size of the
+/// results, and thrown away.
+///
+/// # Errors
+/// Those of [`run`](super::run) that are found before the work; `Usage` for one file instead of squares, for what is
+/// no matter of what lies near, and for a folder that holds another plan or other files.
+pub fn plan_points(
+    job: &PlanPointsJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<PointsStatus> {
+    let plan::PlanJob { job, folder, cut, skipped } = job;
+    let at = At { progress, cancel };
+    refuse_held(&job.input)?;
+    let there = Plan::<Points>::there(folder);
+    let known = there.as_ref().map(|plan| &plan.work.looked);
+    let (work, opened) = Points::new((job, *cut), known, at)?;
+    let files = work.files(&opened);
+    let expect = || probe::expect(&opened, &work, at);
+    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
+    Plan::new(work, (shown_all(&job.input), files), needs, skipped)?.put(folder)?;
+    plan::status::<Points>(folder)
+}
+
+/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
+/// `skipped` are files that are left out of the input, to be noted in the plan.
+///
+/// # Errors
+/// Those of [`plan_points`] and of any [`RunJob`].
+pub fn run_in(
+    folder: &Path,
+    job: &TranslateJob,
+    skipped: &[Skipped],
+    disk: DiskCheck,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<PointsWritten> {
+    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
+    let all = RunJob::until(to, job.overwrite, Form::default(), with);
+    let plan =
+        || plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel).map(drop);
+    let run = plan::run_in::<Points>(&all, plan, At { progress, cancel })?;
+    Kind::Points.made(run.of.written)
+}

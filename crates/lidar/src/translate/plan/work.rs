@@ -1,0 +1,276 @@
+//! What a task does: the files of its squares, one after the other in one object, and at the end all of them in one
+//! folder.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::manifest::{Block, Blocks, Method, Points};
+use super::{PointsWritten, SquareRun, SquareStatus};
+use crate::grid::Near;
+use crate::translate::portion::{Portion, Spans, window};
+use crate::translate::prepared::Looked;
+use crate::translate::{self, TranslateJob, squares};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{Cloud, PointSource};
+use terrane_engine::memory::beside_polygons;
+use terrane_engine::outputs::refuse_file_name;
+use terrane_engine::plan::{
+    At, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
+    refuse_another,
+};
+use terrane_engine::sift::Losses;
+use terrane_files::atomic::{AtomicFile, AtomicFolder};
+use terrane_ground::noise;
+
+/// A plan's cloud and job, opened.
+pub(super) struct Opened {
+    pub(super) job: TranslateJob,
+    pub(super) cloud: Cloud,
+}
+
+/// What an object has: its files in order, each with its bytes.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Facts {
+    points: u64,
+    files: Vec<(String, u64)>,
+    /// Files whose damage was passed over.
+    #[serde(default, skip_serializing_if = "Losses::is_empty")]
+    losses: Losses,
+}
+
+impl Points {
+    /// What is asked for, what there is, and what has to be known of all of it, where that is not `known`.
+    pub(super) fn new(
+        (job, cut): (&TranslateJob, Option<u32>),
+        known: Option<&Looked>,
+        at: At<'_>,
+    ) -> Result<(Self, Opened)> {
+        let mut method = Method::of(job)?;
+        let mut opened = Opened::new(job.clone())?;
+        method.found(opened.cloud.files())?;
+        let info = translate::stored(&opened.job, &opened.cloud)?;
+        // Cells are those of the whole cloud.
+        method.overlap = job.overlap.map(|cells| cells.over(&info));
+        opened.job.overlap = method.overlap;
+        let blocks = Blocks::of(&info, &method.squares, cut)?;
+        blocks.check()?;
+        let looked = known.map_or_else(|| opened.look(at), |looked| Ok(looked.clone()))?;
+        Ok((Self { method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
+    }
+
+    /// The files it is made from.
+    pub(super) fn files(&self, opened: &Opened) -> Vec<PathBuf> {
+        let on_disk = if opened.cloud.files().is_empty() { &[][..] } else { self.method.input() };
+        on_disk.iter().map(|name| terrane_files::path_of(name).into_owned()).collect()
+    }
+}
+
+impl Opened {
+    fn new(job: TranslateJob) -> Result<Self> {
+        let cloud = job.open()?;
+        Ok(Self { job, cloud })
+    }
+
+    /// What has to be known of the whole cloud: of its ground, where something is told of that, and what is noise,
+    /// where that is no matter of points nearby or is no ground.
+    fn look(&self, at: At<'_>) -> Result<Looked> {
+        let above = &self.job.above;
+        let is_local = above.noise().is_none_or(noise::Asked::is_local);
+        match above.is_asked() || !is_local {
+            true => translate::prepared(&self.job, &self.cloud, None, at, |of| of.look()),
+            false => Ok(Looked::default()),
+        }
+    }
+
+    /// What is left to be done where this is known: noise is marked as points are read.
+    fn knowing(mut self, looked: &Looked) -> Self {
+        if looked.noise.is_some() {
+            self.job.above.forget_noise();
+        }
+        self
+    }
+
+    /// Makes the files of some squares in a folder, of what lies near them or as much more as it takes.
+    pub(super) fn make(
+        &self,
+        work: &Points,
+        (spans, folder): (Spans, &Path),
+        at: At<'_>,
+    ) -> Result<translate::Made> {
+        let (job, info) = (&self.job, self.cloud.info());
+        let cells = window(&work.method.squares, spans, job.reach(info)?, &info.frame);
+        let side = crate::grid::tiling(info).side();
+        let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
+        let mut near = Near { cells, margin: side.saturating_add(4).max(wide as i32) };
+        loop {
+            let portion = Portion::new((spans, near), &work.looked, &self.cloud, folder);
+            let made = translate::prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
+            if !portion.is_exceeded() {
+                return made.map(|(made, _)| made);
+            }
+            near = near.wider();
+        }
+    }
+}
+
+impl Work for Points {
+    const KIND: Kind = Kind::Points;
+    const NAMES: &'static [Numbered<Block>] = &[("squares", Block)];
+
+    type Task = Block;
+    type Facts = Facts;
+    type Run = SquareRun;
+    type Note = PointsWritten;
+    type Status = SquareStatus;
+    type Opened = Opened;
+
+    fn check(&self) -> Result<()> {
+        self.blocks.check()
+    }
+
+    fn tasks(&self) -> Vec<Block> {
+        self.blocks.all().collect()
+    }
+
+    fn before(&self, _: Block) -> Vec<Block> {
+        Vec::new()
+    }
+
+    fn size(&self, task: Named<Block>) -> u64 {
+        match task {
+            Named::Task(block) => Blocks::size(self.blocks.of_task(block)),
+            Named::Finish => Blocks::size(self.blocks.spans),
+        }
+    }
+
+    fn tell(&self) -> StatusReport<SquareStatus> {
+        let Blocks { points, cut, .. } = self.blocks;
+        let (squares, side) = (self.blocks.counts(), self.method.squares.side);
+        StatusReport {
+            format: self.method.ending().to_owned(),
+            tile_cells: cut,
+            of: SquareStatus { squares, side, points },
+            ..StatusReport::default()
+        }
+    }
+
+    fn output(&self, _: &Form) -> Result<PathBuf> {
+        Ok(PathBuf::from("points"))
+    }
+
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
+        let Order { output, overwrite, resources, .. } = order;
+        let Self { method, blocks, looked } = &plan.work;
+        let mut job = TranslateJob { output, overwrite, ..method.job()? };
+        job.resources = beside_polygons(&job.cloud, &resources);
+        job.cloud.threads = job.resources.threads;
+        let opened = Opened::new(job)?;
+        let info = translate::stored(&opened.job, &opened.cloud)?;
+        let here = Blocks::of(&info, &method.squares, Some(blocks.cut))?;
+        refuse_another("cloud", &plan.label, blocks, &here)?;
+        Ok(opened.knowing(looked))
+    }
+
+    fn check_output(Opened { job, cloud }: &Opened, _: At<'_>) -> Result<()> {
+        refuse_file_name(&job.output)?;
+        squares::refuse_within(cloud.files(), &job.output)?;
+        AtomicFolder::create(&job.output, job.overwrite, squares::is_ours).map(drop)
+    }
+
+    fn make(
+        opened: &Opened,
+        (block, object): (Block, &Path),
+        survey: &Survey<'_, Self>,
+        run: &mut SquareRun,
+        at: At<'_>,
+    ) -> Result<Made<Facts>> {
+        let work = &survey.folder.plan.work;
+        // It goes with its files, and what a killed run left of one is removed.
+        let folder = AtomicFolder::create(&object.with_extension("files"), true, |_| true)?;
+        let made = opened.make(work, (work.blocks.of_task(block), folder.inside()), at)?;
+        let (files, losses) = (pack(folder.inside(), object)?, Losses::of(&opened.cloud));
+        let facts = Facts { points: made.points, files, losses };
+        run.points += made.points;
+        Ok(Made { facts, digest: None, spilled: 0 })
+    }
+
+    fn write(
+        Opened { job, cloud }: &Opened,
+        survey: &Survey<'_, Self>,
+        run: &mut SquareRun,
+        at: At<'_>,
+    ) -> Result<PointsWritten> {
+        let Plan { label, work, .. } = &survey.folder.plan;
+        let folder = AtomicFolder::create(&job.output, job.overwrite, squares::is_ours)?;
+        let mut written = translate::prepared(job, cloud, None, at, |of| {
+            Ok(PointsWritten {
+                input: label.clone(),
+                output: job.output.display().to_string(),
+                point_format: of.work.carrier.format().number(),
+                crs: of.work.info.crs.label(),
+                notes: of.notes(),
+                ..PointsWritten::default()
+            })
+        })?;
+        let mut losses = Losses::default();
+        at.progress.begin("write", survey.done.values().map(|done| done.bytes).sum());
+        for block in survey.done.keys() {
+            at.cancel.check()?;
+            let (object, done) = survey.object(*block)?;
+            unpack(&object, &done.facts.files, folder.inside())?;
+            losses.add(&done.facts.losses);
+            written.files += done.facts.files.len() as u64;
+            written.points += done.facts.points;
+            written.output_bytes += done.bytes;
+            at.progress.advance(done.bytes);
+        }
+        at.progress.end();
+        folder.commit()?;
+        written.notes.extend(losses.notes());
+        written.notes.extend(work.looked.notes());
+        run.written = Some(written.clone());
+        Ok(written)
+    }
+
+    fn written(note: PointsWritten, output: &Path, run: &mut SquareRun) {
+        run.written = Some(PointsWritten { output: output.display().to_string(), ..note });
+    }
+}
+
+/// Puts the files of a folder into one, by name; returns these, each with its bytes.
+fn pack(folder: &Path, object: &Path) -> Result<Vec<(String, u64)>> {
+    let fail = |e| Error::read(folder, e);
+    let entries = std::fs::read_dir(folder).map_err(fail)?;
+    let paths =
+        entries.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<_>>>();
+    let mut paths = paths.map_err(fail)?;
+    paths.sort();
+    let mut packed = AtomicFile::create(object, true)?;
+    let mut files = Vec::new();
+    for path in paths {
+        let mut file = File::open(&path).map_err(|e| Error::read(&path, e))?;
+        let bytes = io::copy(&mut file, &mut packed).map_err(|e| Error::write(object, e))?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        files.push((name, bytes));
+    }
+    packed.commit()?;
+    Ok(files)
+}
+
+/// Puts the files of an object into a folder.
+fn unpack(object: &Path, files: &[(String, u64)], folder: &Path) -> Result<()> {
+    let mut packed = BufReader::new(File::open(object).map_err(|e| Error::read(object, e))?);
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        let mut file = AtomicFile::create(&path, false)?;
+        let copied = io::copy(&mut (&mut packed).take(*bytes), &mut file);
+        if copied.map_err(|e| Error::write(&path, e))? != *bytes {
+            return Err(damaged_object(object));
+        }
+        file.commit()?;
+    }
+    Ok(())
+}

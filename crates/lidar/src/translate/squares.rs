@@ -1,0 +1,304 @@
+//! Records into a folder of files, one for each square of the plane that has points.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
+
+use super::Made;
+use super::portion::Spans;
+use crate::records::choice::place;
+use crate::records::{Flow, Records};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Decimal, Frame, Point};
+use terrane_cloud::write::is_written_here;
+use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions};
+use terrane_cloud::{CloudInfo, Flags};
+use terrane_engine::plan::At;
+use terrane_engine::workers;
+use terrane_files::{Buckets, path_of, shown};
+use terrane_gridding::{Edges, Lattice};
+
+/// Most squares: each takes some memory.
+const MOST_SQUARES: u64 = 1 << 20;
+/// How far a buffer may reach.
+const MOST_SQUARES_BESIDE: f64 = 8.0;
+
+/// How a cloud is divided into squares.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Squares {
+    /// Their side, in units of x and y; corners are at its multiples.
+    pub side: f64,
+    /// Points around a square that its file has, too, up to so far away.
+    pub buffer: f64,
+    /// The mark that those bear.
+    pub mark: BufferMark,
+}
+
+/// How points of a buffer are marked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
+pub enum BufferMark {
+    /// as withheld: they are left out by whoever does not ask for them
+    #[default]
+    Withheld,
+    /// as synthetic
+    Synthetic,
+}
+
+impl BufferMark {
+    fn flag(self) -> Flags {
+        match self {
+            Self::Withheld => Flags::WITHHELD,
+            Self::Synthetic => Flags::SYNTHETIC,
+        }
+    }
+}
+
+/// Squares along an axis: for each of them the first and last step of its file's points.
+struct Axis {
+    first: i64,
+    reaches: Vec<[i64; 2]>,
+    /// Squares on either side that a buffer may reach into.
+    beside: usize,
+}
+
+impl Axis {
+    fn new(frame: &Frame, axis: usize, [first, last]: [i64; 2], squares: &Squares) -> Self {
+        let ruler = frame.ruler(axis);
+        let reach = |square: i64| {
+            let low = square as f64 * squares.side - squares.buffer;
+            let high = (square + 1) as f64 * squares.side + squares.buffer;
+            [ruler.first(low), ruler.last(high)]
+        };
+        let beside = (squares.buffer / squares.side).ceil() as usize;
+        Self { first, reaches: (first..=last).map(reach).collect(), beside }
+    }
+
+    /// The square that a point lies in, counted from the first, if it is one of these.
+    fn own(&self, square: i64) -> Option<usize> {
+        usize::try_from(square - self.first).ok().filter(|own| *own < self.reaches.len())
+    }
+
+    /// The squares whose files have a point that lies in one.
+    fn around(&self, square: i64, steps: i32) -> impl Iterator<Item = usize> + '_ {
+        let (own, beside, all) = (square - self.first, self.beside as i64, self.reaches.len());
+        let clip = |square: i64| square.clamp(0, all as i64) as usize;
+        (clip(own - beside)..clip(own + beside + 1)).filter(move |square| {
+            let [low, high] = self.reaches[*square];
+            *square as i64 == own || (low..=high).contains(&i64::from(steps))
+        })
+    }
+}
+
+/// Divides records.
+pub(super) struct Division<'a> {
+    squares: Squares,
+    lattice: Lattice,
+    axes: [Axis; 2],
+    buckets: Buckets<u8>,
+    options: &'a WriteOptions,
+}
+
+impl<'a> Division<'a> {
+    /// Of some squares of a cloud; records wait in `folder` beyond so many bytes.
+    pub(super) fn new(
+        (squares, spans): (Squares, Spans),
+        info: &CloudInfo,
+        (folder, memory): (&Path, u64),
+        options: &'a WriteOptions,
+    ) -> Self {
+        let axes = [0, 1].map(|axis| Axis::new(&info.frame, axis, spans[axis], &squares));
+        let count = axes.iter().map(|axis| axis.reaches.len()).product();
+        let buckets = Buckets::new(folder, count, memory);
+        Self { squares, lattice: squares.lattice(&info.frame), axes, buckets, options }
+    }
+
+    /// Writes all records into a folder.
+    pub(super) fn write(
+        &self,
+        records: &dyn Records,
+        (flow, threads): (Flow, usize),
+        folder: &Path,
+        at: At<'_>,
+    ) -> Result<Made> {
+        at.progress.begin("squares", super::total(records));
+        let mut copy = Vec::new();
+        flow.run(records, at, &mut |bytes| {
+            bytes.chunks_exact(flow.record).try_for_each(|record| self.take(record, &mut copy))
+        })?;
+        at.progress.end();
+        let count = self.axes[0].reaches.len() * self.axes[1].reaches.len();
+        let ending = ending(self.options.packing);
+        let name = |square: usize| folder.join(format!("{}.{ending}", self.name(square)));
+        let all = Filled { buckets: &self.buckets, count, options: self.options };
+        all.write((flow.record, threads), name, at)
+    }
+
+    fn take(&self, record: &[u8], copy: &mut Vec<u8>) -> Result<()> {
+        let point = place(record);
+        let [x, y] = &self.axes;
+        let (column, row) = (self.lattice.x.index(point.x), self.lattice.y.index(point.y));
+        let width = x.reaches.len();
+        let own = x.own(column).zip(y.own(row));
+        if let Some((column, row)) = own {
+            self.buckets.push(row * width + column, record)?;
+        }
+        if self.squares.buffer == 0.0 {
+            return Ok(());
+        }
+        copy.clear();
+        copy.extend_from_slice(record);
+        self.options.format.mark(copy, self.squares.mark.flag());
+        for beside in y.around(row, point.y) {
+            for other in x.around(column, point.x) {
+                if own != Some((other, beside)) {
+                    self.buckets.push(beside * width + other, copy)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// By the lowest corner.
+    fn name(&self, square: usize) -> String {
+        let width = self.axes[0].reaches.len();
+        let corner = [square % width, square / width];
+        let side = self.squares.side;
+        let [x, y] = [0, 1].map(|axis| times(self.axes[axis].first + corner[axis] as i64, side));
+        format!("{x}_{y}")
+    }
+}
+
+/// What files of a folder end with.
+pub(super) fn ending(packing: Packing) -> &'static str {
+    if packing == Packing::Plain { "las" } else { "laz" }
+}
+
+/// Records that are divided, each bucket to become a file.
+pub(super) struct Filled<'a> {
+    pub(super) buckets: &'a Buckets<u8>,
+    /// How many of the buckets may have records.
+    pub(super) count: usize,
+    pub(super) options: &'a WriteOptions,
+}
+
+impl Filled<'_> {
+    /// Writes a file for each bucket that has records, which have so many bytes.
+    pub(super) fn write(
+        &self,
+        (record, threads): (usize, usize),
+        name: impl Fn(usize) -> PathBuf + Sync,
+        at: At<'_>,
+    ) -> Result<Made> {
+        at.progress.begin("files", self.count as u64);
+        let mut made = Made::default();
+        let one = |(): &mut (), number: u64| {
+            let file = self.file(number as usize, record, &name(number as usize))?;
+            at.progress.advance(1);
+            Ok(file)
+        };
+        let add = |file: Option<[u64; 2]>| {
+            if let Some([points, bytes]) = file {
+                made.files += 1;
+                made.points += points;
+                made.bytes += bytes;
+            }
+            Ok(())
+        };
+        workers::in_order(threads, self.count as u64, at.cancel, || (), one, add)?;
+        at.progress.end();
+        Ok(made)
+    }
+
+    /// The file of a bucket; its points and bytes where it has any.
+    fn file(&self, bucket: usize, record: usize, path: &Path) -> Result<Option<[u64; 2]>> {
+        let all = self.buckets.len(bucket);
+        if all == 0 {
+            return Ok(None);
+        }
+        let mut writer = CloudWriter::create(path, self.options)?;
+        let (layout, mut first) = (writer.layout(), 0);
+        while first < all {
+            let mut piece = vec![0; (all - first).min((CHUNK * record) as u64) as usize];
+            first += self.buckets.read_from(bucket, first, &mut piece)? as u64;
+            writer.append(&layout.pack(piece)?)?;
+        }
+        self.buckets.forget(bucket);
+        let points = writer.points();
+        Ok(Some([points, writer.finish()?]))
+    }
+}
+
+/// So many times a number, as the decimals that it is written as.
+fn times(count: i64, number: f64) -> f64 {
+    let exact = || {
+        let number = Decimal::of(number)?;
+        let units = number.units(number.digits())?.checked_mul(count.into())?;
+        Some(Decimal::new(units, number.digits()).value())
+    };
+    exact().unwrap_or(count as f64 * number)
+}
+
+/// The first and the last square of a cloud along both axes.
+///
+/// # Errors
+/// Too many squares; a buffer that is too wide.
+pub(super) fn spans(squares: &Squares, info: &CloudInfo) -> Result<Spans> {
+    if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
+        return Err(Error::usage(format!(
+            "a buffer of {} is too wide for squares of {}",
+            squares.buffer, squares.side
+        ))
+        .remedy(format!("it may be {MOST_SQUARES_BESIDE} times their side")));
+    }
+    let origin = Point { x: 0, y: 0, z: 0 };
+    let spans = squares.lattice(&info.frame).span(info.bounds.unwrap_or([origin; 2]));
+    let [columns, rows] = spans.map(|[first, last]| (last - first).unsigned_abs() + 1);
+    if columns.saturating_mul(rows) > MOST_SQUARES {
+        return Err(Error::usage(format!(
+            "squares of {} would be {columns} x {rows}, more than {MOST_SQUARES}",
+            squares.side
+        ))
+        .remedy("choose larger ones"));
+    }
+    Ok(spans)
+}
+
+impl Squares {
+    fn lattice(&self, frame: &Frame) -> Lattice {
+        Lattice::new(frame, [0.0; 2], [self.side; 2], Edges::default())
+    }
+}
+
+/// Whether a folder holds nothing but files of squares that terrane wrote.
+pub(super) fn is_ours(folder: &Path) -> bool {
+    let is_corner = |x: &str, y: &str| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok();
+    holds_only(folder, |stem| stem.split_once('_').is_some_and(|(x, y)| is_corner(x, y)))
+}
+
+/// Whether a folder holds nothing but files that terrane wrote under names that are known by what they
+/// are without their ending.
+pub(super) fn holds_only(folder: &Path, is_known: impl Fn(&str) -> bool) -> bool {
+    let is_ours = |path: &Path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
+        stem.is_some_and(&is_known) && is_written_here(path)
+    };
+    let mut entries = std::fs::read_dir(folder).into_iter().flatten();
+    folder.is_dir() && entries.all(|entry| entry.is_ok_and(|entry| is_ours(&entry.path())))
+}
+
+/// Fails where one of the files lies in a folder that is to be replaced.
+pub(super) fn refuse_within(files: &[String], folder: &Path) -> Result<()> {
+    let Ok(real) = folder.canonicalize() else { return Ok(()) };
+    let is_in =
+        |file: &&String| path_of(file).canonicalize().is_ok_and(|path| path.starts_with(&real));
+    match files.iter().find(is_in) {
+        None => Ok(()),
+        Some(file) => {
+            Err(Error::usage(format!("would be replaced, and {} in it is read", shown(file)))
+                .in_file(folder)
+                .remedy("choose another name"))
+        }
+    }
+}

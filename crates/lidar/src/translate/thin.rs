@@ -1,0 +1,162 @@
+//! Choices: one point of each cell, and one of those that are there twice.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::records::choice::{Choice, Group, Rank, place};
+use terrane_base::bits::{mixed, ordered};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Frame;
+use terrane_cloud::PointFormat;
+use terrane_gridding::{Edges, Lattice, Unit};
+
+/// Which point of a cell is kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Keep {
+    /// The lowest.
+    Lowest,
+    /// The highest.
+    Highest,
+    /// The nearest to the cell's centre.
+    #[default]
+    Centre,
+    /// Any, by a seed: the same whatever else is in the cloud.
+    Random(u64),
+}
+
+/// One point of each cell that has any.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Thin {
+    /// Side of the cells, in units of x and y; corners are at its multiples.
+    pub cell: f64,
+    /// Which one.
+    pub keep: Keep,
+}
+
+/// The names of what is kept, and what it is.
+pub const KEPT: [(&str, &str); 4] = [
+    ("centre", "the point nearest to the centre of its cell"),
+    ("lowest", "the lowest point"),
+    ("highest", "the highest point"),
+    ("random", "any point, by chance; random=SEED for another one [default: 0]"),
+];
+
+impl FromStr for Thin {
+    type Err = String;
+
+    /// "2.5", "2.5:lowest", "2.5:random=7".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let (cell, keep) = text.split_once(':').unwrap_or((text, KEPT[0].0));
+        let cell = cell.trim().parse().ok().filter(|cell: &f64| cell.is_finite() && *cell > 0.0);
+        let cell =
+            cell.ok_or("expected a number above zero, then a colon and which point is kept")?;
+        let keep = match keep.split_once('=').unwrap_or((keep, "0")) {
+            ("centre" | "center", "0") => Keep::Centre,
+            ("lowest", "0") => Keep::Lowest,
+            ("highest", "0") => Keep::Highest,
+            ("random", seed) => Keep::Random(
+                seed.parse().map_err(|_| format!("{seed} is no seed, which is a whole number"))?,
+            ),
+            _ => {
+                return Err(format!("{keep} is none of {}", KEPT.map(|(name, _)| name).join(", ")));
+            }
+        };
+        Ok(Self { cell, keep })
+    }
+}
+
+impl fmt::Display for Thin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self.keep {
+            Keep::Centre => "centre".to_owned(),
+            Keep::Lowest => "lowest".to_owned(),
+            Keep::Highest => "highest".to_owned(),
+            Keep::Random(seed) => format!("random={seed}"),
+        };
+        write!(f, "{}:{name}", self.cell)
+    }
+}
+
+/// Cells to choose from.
+pub(super) struct Cells {
+    lattice: Lattice,
+    unit: Unit,
+    keep: Keep,
+}
+
+impl Cells {
+    pub(super) fn new(thin: Thin, frame: &Frame) -> Result<Self> {
+        if frame.scale[..2].iter().any(|step| thin.cell < *step) {
+            return Err(Error::usage(format!(
+                "cells of {} are smaller than a step of the points",
+                thin.cell
+            ))
+            .remedy("choose a larger cell"));
+        }
+        let lattice = Lattice::new(frame, [0.0; 2], [thin.cell; 2], Edges::default());
+        Ok(Self { unit: lattice.unit(thin.cell), lattice, keep: thin.keep })
+    }
+}
+
+impl Choice for Cells {
+    fn mark(&self, record: &[u8]) -> (Group, Rank) {
+        let at = place(record);
+        let Lattice { x, y } = &self.lattice;
+        let group = [x.index(at.x) as u64, y.index(at.y) as u64, 0];
+        let rank = match self.keep {
+            Keep::Lowest => [ordered(at.z), 0],
+            Keep::Highest => [u64::MAX - ordered(at.z), 0],
+            Keep::Random(seed) => {
+                let [x, y, z] = [at.x, at.y, at.z].map(ordered);
+                [mixed(&[seed, x, y, z]), 0]
+            }
+            Keep::Centre => {
+                let square = x.square(at.x, self.unit) + y.square(at.y, self.unit);
+                [(square >> 64) as u64, square as u64]
+            }
+        };
+        (group, rank)
+    }
+}
+
+/// Points of one place and time.
+pub(super) struct Twice {
+    /// Where a record has its time.
+    time: Option<usize>,
+}
+
+impl Twice {
+    pub(super) fn new(format: PointFormat) -> Self {
+        Self { time: format.time_at() }
+    }
+}
+
+impl Choice for Twice {
+    fn mark(&self, record: &[u8]) -> (Group, Rank) {
+        let at = place(record);
+        let time = self
+            .time
+            .and_then(|at| record[at..].first_chunk())
+            .map_or(0, |t| u64::from_le_bytes(*t));
+        ([ordered(at.x) << 32 | ordered(at.y), ordered(at.z), time], [0; 2])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_is_read_as_it_is_written() {
+        for text in ["2.5:centre", "1:lowest", "0.5:highest", "10:random=7"] {
+            assert_eq!(text.parse::<Thin>().unwrap().to_string(), text);
+        }
+        assert_eq!("3".parse::<Thin>().unwrap().to_string(), "3:centre");
+        assert_eq!("3:random".parse::<Thin>().unwrap().to_string(), "3:random=0");
+        for text in ["", "0", "-1", "nan", "1:best", "1:lowest=2", "1:random=x"] {
+            assert!(text.parse::<Thin>().is_err(), "{text}");
+        }
+    }
+}

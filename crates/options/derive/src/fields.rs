@@ -1,0 +1,308 @@
+//! `#[derive(Options)]`.
+
+use proc_macro2::TokenStream;
+use quote::{format_ident, quote};
+use syn::{
+    Attribute, Data, DeriveInput, Error, Expr, Field, GenericArgument, Ident, LitChar, LitStr,
+    Path, PathArguments, Result, Type,
+};
+
+use crate::docs;
+
+/// The attributes of a field.
+#[derive(Default)]
+struct Said {
+    flatten: bool,
+    name: Option<LitStr>,
+    aliases: Vec<LitStr>,
+    /// Options of other structs in whose place it is.
+    stands_for: Vec<LitStr>,
+    short: Option<LitChar>,
+    value: Option<LitStr>,
+    heading: Option<LitStr>,
+    default: Option<Expr>,
+    /// The default in words.
+    default_text: Option<LitStr>,
+    /// The value of an option that is named without one.
+    bare: Option<LitStr>,
+    range: Option<Expr>,
+    codec: Option<Path>,
+    /// What `--no-NAME` does.
+    off: Option<LitStr>,
+    role: Option<Ident>,
+    positional: bool,
+    no_setter: bool,
+}
+
+/// The attributes of the struct.
+struct Whole {
+    heading: LitStr,
+    rules: Option<Path>,
+    /// Setters for builders of one operation (`own`) or of each that has the group (`group`).
+    setters: Option<Ident>,
+}
+
+/// What a field adds to each impl.
+#[derive(Default)]
+struct Parts {
+    entries: Vec<TokenStream>,
+    visits: Vec<TokenStream>,
+    mutable_visits: Vec<TokenStream>,
+    defaults: Vec<TokenStream>,
+    setters: Vec<Setter>,
+    groups: Vec<TokenStream>,
+}
+
+pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
+    let name = &input.ident;
+    let Data::Struct(data) = &input.data else {
+        return Err(Error::new_spanned(name, "options are a struct"));
+    };
+    let whole = whole(&input.attrs)?;
+    let mut parts = Parts::default();
+    for field in &data.fields {
+        let said = said(&field.attrs)?;
+        match said.flatten {
+            true => parts.add_group(name, field, &whole),
+            false => parts.add_field(field, &said, &whole)?,
+        }
+    }
+    let about = docs::text(&input.attrs);
+    let Parts { entries, visits, mutable_visits, defaults, setters, groups } = &parts;
+    let rules = whole.rules.as_ref().map_or_else(|| quote!(&[]), |rules| quote!(#rules));
+    let setters = whole.setters.as_ref().map(|kind| traits(name, kind, setters));
+    Ok(quote! {
+        impl ::terrane_options::Options for #name {
+            const TABLE: &'static ::terrane_options::Table =
+                &::terrane_options::Table { about: #about, entries: &[#(#entries),*], rules: #rules };
+
+            fn visit(&self, visit: &mut ::terrane_options::Visit<'_>) { #(#visits)* }
+
+            fn visit_mut(&mut self, visit: &mut ::terrane_options::VisitMut<'_>) {
+                #(#mutable_visits)*
+            }
+        }
+
+        const _: () = ::terrane_options::assert_rules(<#name as ::terrane_options::Options>::TABLE);
+
+        impl ::core::default::Default for #name {
+            fn default() -> Self { Self { #(#defaults),* } }
+        }
+
+        #setters
+        #(#groups)*
+    })
+}
+
+fn whole(attributes: &[Attribute]) -> Result<Whole> {
+    let mut heading = LitStr::new("Options", proc_macro2::Span::call_site());
+    let (mut setters, mut rules) = (None, None);
+    for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("options")) {
+        attribute.parse_nested_meta(|meta| {
+            match () {
+                () if meta.path.is_ident("heading") => heading = meta.value()?.parse()?,
+                () if meta.path.is_ident("setters") => setters = Some(meta.value()?.parse()?),
+                () if meta.path.is_ident("rules") => rules = Some(meta.value()?.parse()?),
+                () => return Err(meta.error("expected heading, rules or setters")),
+            }
+            Ok(())
+        })?;
+    }
+    Ok(Whole { heading, rules, setters })
+}
+
+fn said(attributes: &[Attribute]) -> Result<Said> {
+    let mut said = Said::default();
+    for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("option")) {
+        attribute.parse_nested_meta(|meta| {
+            let is = |name: &str| meta.path.is_ident(name);
+            match () {
+                () if is("flatten") => said.flatten = true,
+                () if is("positional") => said.positional = true,
+                () if is("no_setter") => said.no_setter = true,
+                () if is("name") => said.name = Some(meta.value()?.parse()?),
+                () if is("alias") => said.aliases.push(meta.value()?.parse()?),
+                () if is("stands_for") => said.stands_for.push(meta.value()?.parse()?),
+                () if is("short") => said.short = Some(meta.value()?.parse()?),
+                () if is("value") => said.value = Some(meta.value()?.parse()?),
+                () if is("heading") => said.heading = Some(meta.value()?.parse()?),
+                () if is("default") => said.default = Some(meta.value()?.parse()?),
+                () if is("default_text") => said.default_text = Some(meta.value()?.parse()?),
+                () if is("bare") => said.bare = Some(meta.value()?.parse()?),
+                () if is("range") => said.range = Some(meta.value()?.parse()?),
+                () if is("with") => said.codec = Some(meta.value()?.parse()?),
+                () if is("off") => said.off = Some(meta.value()?.parse()?),
+                () if is("role") => said.role = Some(meta.value()?.parse()?),
+                () => return Err(meta.error("no such attribute of an option")),
+            }
+            Ok(())
+        })?;
+    }
+    Ok(said)
+}
+
+impl Parts {
+    /// A group of options, whose fields are as if they were of the struct.
+    fn add_group(&mut self, name: &Ident, field: &Field, whole: &Whole) {
+        let (ident, ty) = (&field.ident, &field.ty);
+        self.entries.push(quote! {
+            ::terrane_options::Entry::Group(<#ty as ::terrane_options::Options>::TABLE)
+        });
+        self.visits.push(quote!(::terrane_options::Options::visit(&self.#ident, visit);));
+        self.mutable_visits
+            .push(quote!(::terrane_options::Options::visit_mut(&mut self.#ident, visit);));
+        self.defaults.push(quote!(#ident: ::core::default::Default::default()));
+        if whole.setters.is_some() {
+            self.groups.push(quote! {
+                impl ::terrane_engine::operation::Has<#ty> for #name {
+                    fn part(&self) -> &#ty { &self.#ident }
+
+                    fn part_mut(&mut self) -> &mut #ty { &mut self.#ident }
+                }
+            });
+        }
+    }
+
+    fn add_field(&mut self, field: &Field, said: &Said, whole: &Whole) -> Result<()> {
+        let ty = &field.ty;
+        let Some(ident) = &field.ident else {
+            return Err(Error::new_spanned(field, "an option has a name"));
+        };
+        let about = docs::text(&field.attrs);
+        if about.is_empty() {
+            return Err(Error::new_spanned(field, "an option has a comment"));
+        }
+        let called = said.name.as_ref().map_or_else(|| ident.to_string(), LitStr::value);
+        let codec = said.codec.as_ref();
+        let codec = codec.map_or_else(|| quote!(::terrane_options::Plain), |path| quote!(#path));
+        let heading = said.heading.as_ref().unwrap_or(&whole.heading);
+        let Said { aliases, stands_for, default, positional, .. } = said;
+        let (short, default_text) =
+            (optional(said.short.as_ref()), optional(said.default_text.as_ref()));
+        let (off, value) = (optional(said.off.as_ref()), optional(said.value.as_ref()));
+        let (range, bare) = (optional(said.range.as_ref()), optional(said.bare.as_ref()));
+        let role = said.role.clone().unwrap_or_else(|| format_ident!("Result"));
+        self.entries.push(quote!(::terrane_options::Entry::Field(::terrane_options::Field {
+            name: #called,
+            aliases: &[#(#aliases),*],
+            stands_for: &[#(#stands_for),*],
+            short: #short,
+            about: #about,
+            off: #off,
+            heading: #heading,
+            positional: #positional,
+            value: #value,
+            default_text: #default_text,
+            bare: #bare,
+            range: #range,
+            role: ::terrane_options::Role::#role,
+            kind: <#codec as ::terrane_options::Codec<#ty>>::KIND,
+            shape: <#codec as ::terrane_options::Codec<#ty>>::SHAPE,
+            read: ::terrane_options::read_text::<#ty, #codec>,
+        })));
+        self.visits.push(
+            quote!(visit(#called, &::terrane_options::Seen::<#ty, #codec>::new(&self.#ident));),
+        );
+        self.mutable_visits.push(
+            quote!(visit(#called, &mut ::terrane_options::Settable::<#ty, #codec>::new(&mut self.#ident));),
+        );
+        self.defaults.push(match default {
+            Some(value) => quote!(#ident: #value),
+            None => quote!(#ident: ::core::default::Default::default()),
+        });
+        if !said.no_setter {
+            self.setters.push(Setter::new(field, ident));
+        }
+        Ok(())
+    }
+}
+
+fn optional<T: quote::ToTokens>(value: Option<&T>) -> TokenStream {
+    match value {
+        Some(value) => quote!(::core::option::Option::Some(#value)),
+        None => quote!(::core::option::Option::None),
+    }
+}
+
+/// The setter of a field.
+struct Setter {
+    docs: Vec<Attribute>,
+    ident: Ident,
+    /// What it takes.
+    taken: TokenStream,
+    /// What of that the field becomes.
+    value: TokenStream,
+}
+
+impl Setter {
+    /// That of a field: an optional one takes the value itself.
+    fn new(field: &Field, ident: &Ident) -> Self {
+        let docs = field.attrs.iter().filter(|attribute| attribute.path().is_ident("doc"));
+        let inner = inner(&field.ty);
+        let ty = inner.unwrap_or(&field.ty);
+        let (taken, value) = match is_number(ty) {
+            true => (quote!(#ty), quote!(value)),
+            false => (quote!(impl Into<#ty>), quote!(value.into())),
+        };
+        let value = if inner.is_some() { quote!(Some(#value)) } else { value };
+        Self { docs: docs.cloned().collect(), ident: ident.clone(), taken, value }
+    }
+}
+
+/// A trait of setters for the fields of a struct, which jobs have whose options are that struct, or have it as a group.
+fn traits(name: &Ident, kind: &Ident, setters: &[Setter]) -> TokenStream {
+    let text = name.to_string();
+    let about = format!("Setters of [`{name}`].");
+    let called = format_ident!("{}Setters", text.strip_suffix("Options").unwrap_or(&text));
+    let said = setters.iter().map(|Setter { docs, ident, taken, .. }| {
+        quote! {
+            #(#docs)*
+            #[must_use]
+            fn #ident(self, value: #taken) -> Self;
+        }
+    });
+    let is_own = kind == "own";
+    let done = setters.iter().map(|Setter { ident, taken, value, .. }| {
+        let place = match is_own {
+            true => quote!(self.options_mut().#ident),
+            false => quote!(::terrane_engine::operation::Has::<#name>::part_mut(self.options_mut()).#ident),
+        };
+        quote! {
+            fn #ident(mut self, value: #taken) -> Self {
+                #place = #value;
+                self
+            }
+        }
+    });
+    let jobs = match is_own {
+        true => quote!(impl<S> #called for ::terrane_engine::operation::Job<'_, #name, S>),
+        false => quote! {
+            impl<O: ::terrane_engine::operation::Has<#name>, S> #called for ::terrane_engine::operation::Job<'_, O, S>
+        },
+    };
+    quote! {
+        #[doc = #about]
+        pub trait #called: Sized { #(#said)* }
+
+        #jobs { #(#done)* }
+    }
+}
+
+/// What an `Option` holds.
+fn inner(ty: &Type) -> Option<&Type> {
+    let Type::Path(path) = ty else { return None };
+    let last = path.path.segments.last().filter(|last| last.ident == "Option")?;
+    let PathArguments::AngleBracketed(arguments) = &last.arguments else { return None };
+    match arguments.args.first() {
+        Some(GenericArgument::Type(ty)) => Some(ty),
+        _ => None,
+    }
+}
+
+/// True for types that a literal would be ambiguous for, were it turned into them.
+fn is_number(ty: &Type) -> bool {
+    let Type::Path(path) = ty else { return false };
+    ["bool", "u8", "u16", "u32", "u64", "usize", "i32", "f64"]
+        .iter()
+        .any(|name| path.path.is_ident(name))
+}

@@ -1,0 +1,76 @@
+//! Writes synthetic lines, feature by feature.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use terrane_base::error::Result;
+use terrane_engine::figures::Figures;
+use terrane_engine::{Cancel, Progress, Resources};
+use terrane_synth::lines::Lines;
+use terrane_vector::{self as vector, OpenOptions, WriteOptions};
+
+/// Lines to be written.
+#[derive(Clone, Debug)]
+pub struct DrawJob {
+    /// The lines.
+    pub lines: Lines,
+    /// File to write; its ending says the format.
+    pub output: PathBuf,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct DrawReport {
+    pub input: String,
+    pub output: String,
+    pub features: u64,
+    pub vertices: u64,
+    pub output_bytes: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+    /// What the format could not hold.
+    pub notes: Vec<String>,
+}
+
+/// Writes the lines. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// An output that exists, cannot be created, or whose ending names no format.
+pub fn run(job: &DrawJob, progress: &dyn Progress, cancel: &Cancel) -> Result<DrawReport> {
+    let start = Instant::now();
+    let input = format!("synth:{}", job.lines);
+    let mut source = vector::open(input.as_ref(), &OpenOptions::default())?;
+    let format = vector::by_path(&job.output, None)?;
+    let options = WriteOptions {
+        overwrite: job.overwrite,
+        temp_dir: job.resources.temp_dir.clone(),
+        ..WriteOptions::default()
+    };
+    let mut sink = vector::create(&job.output, format, source.layer(), &options)?;
+    progress.begin("synth", u64::from(job.lines.features));
+    let mut vertices = 0;
+    while let Some(feature) = source.next()? {
+        cancel.check()?;
+        vertices += feature.geometry.vertices() as u64;
+        sink.write(&feature)?;
+        progress.advance(1);
+    }
+    let written = sink.finish(&[])?;
+    progress.end();
+    Ok(DrawReport {
+        input,
+        output: job.output.display().to_string(),
+        features: written.features,
+        vertices,
+        output_bytes: written.bytes,
+        run: Figures::since(start, &job.resources).with_threads(1),
+        notes: written.notes,
+    })
+}

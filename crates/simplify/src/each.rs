@@ -1,0 +1,152 @@
+//! The threshold of each vertex of a line or ring: it is kept at all that are smaller.
+//!
+//! What [`Tool::choose`](super::tool::Tool::choose) does at one threshold, for all at once: lines that end where
+//! they began are done in two halves, rings keep three vertices. (Of a ring that would collapse the method keeps
+//! three, too, and what its tolerance then asks for between them; that is no filter, and is left out.)
+
+use super::part::{check, vertices};
+use super::tool::{Measure, Rule, Vertex};
+use terrane_base::error::Result;
+use terrane_line::metric::largest_distance2;
+use terrane_line::topology::Collapse;
+use terrane_line::visvalingam::{Areas, Weight};
+use terrane_line::{Geographic, Hierarchy, Method, Metric, Plane, Space};
+use terrane_vector::Part;
+
+/// Thresholds of the vertices of a part, infinite for those that always stay: distances of
+/// Ramer-Douglas-Peucker and areas of Visvalingam-Whyatt. Of a ring, the closing vertex has none.
+///
+/// # Errors
+/// A part that cannot be measured.
+pub fn thresholds(part: &Part<'_>, measure: Measure) -> Result<[Vec<f64>; 2]> {
+    // Thresholds of all sizes are asked for.
+    let rule =
+        Rule { method: &Method::RDP, measure, threshold: f64::MAX, collapse: Collapse::Keep };
+    check(part, &rule)?;
+    Ok(match measure {
+        Measure::Plane => of_part(&Plane, part),
+        Measure::Space => of_part(&Space, part),
+        Measure::Geographic => of_part(&Geographic, part),
+    })
+}
+
+fn of_part<V: Vertex, M: Metric<V>>(metric: &M, part: &Part<'_>) -> [Vec<f64>; 2] {
+    let mut points: Vec<V> = Vec::new();
+    vertices(part, &mut points);
+    let by_area = |line: &[V]| Areas::of_line(metric, line, Weight::Plain).areas().to_vec();
+    let by_distance = |line: &[V]| distances(metric, line);
+    if !part.is_ring() {
+        let far = middle(metric, &points);
+        return [in_halves(&points, far, by_distance), in_halves(&points, far, by_area)];
+    }
+    points.pop();
+    let areas = Areas::of_ring(metric, &points, Weight::Plain).areas().to_vec();
+    [of_ring(metric, &points), areas]
+}
+
+/// Where a line is cut that ends where it began: at the vertex farthest from there.
+fn middle<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Option<usize> {
+    let ends = [points.first(), points.last()].map(|end| end.map(M::coordinates));
+    let is_closed = points.len() > 3 && ends[0] == ends[1];
+    let ends = [0, points.len().saturating_sub(1) as u32];
+    let far = is_closed.then(|| largest_distance2(metric, points, &ends)).flatten();
+    far.filter(|(_, square)| *square > 0.0).map(|(vertex, _)| vertex as usize)
+}
+
+fn in_halves<V>(points: &[V], far: Option<usize>, of: impl Fn(&[V]) -> Vec<f64>) -> Vec<f64> {
+    let Some(far) = far else { return of(points) };
+    let mut all = of(&points[..=far]);
+    all.pop();
+    all.extend(of(&points[far..]));
+    all
+}
+
+/// Distances at which the vertices of an open line go; its ends stay.
+fn distances<V: Copy, M: Metric<V>>(metric: &M, line: &[V]) -> Vec<f64> {
+    let mut all = vec![f64::INFINITY; line.len()];
+    let tree = Hierarchy::new(metric, line);
+    all.iter_mut().skip(1).zip(tree.squares()).for_each(|(own, square)| *own = square.sqrt());
+    all
+}
+
+/// Distances of a ring, given without its closing vertex, from the vertex lowest by its coordinates on.
+fn of_ring<V: Copy, M: Metric<V>>(metric: &M, ring: &[V]) -> Vec<f64> {
+    let lowest = |a: &usize, b: &usize| {
+        let [a, b] = [a, b].map(|i| M::coordinates(&ring[*i]));
+        a.partial_cmp(&b).unwrap_or(std::cmp::Ordering::Equal)
+    };
+    let Some(start) = (0..ring.len()).min_by(lowest) else { return Vec::new() };
+    let around: Vec<V> = (0..=ring.len()).map(|i| ring[(start + i) % ring.len()]).collect();
+    let mut all = distances(metric, &around);
+    all.pop();
+    keep_three(&mut all);
+    all.rotate_right(start);
+    all
+}
+
+/// The three vertices of a ring that go last stay.
+fn keep_three(thresholds: &mut [f64]) {
+    let mut order: Vec<usize> = (0..thresholds.len()).collect();
+    order.sort_by(|a, b| thresholds[*b].total_cmp(&thresholds[*a]));
+    order.iter().take(3).for_each(|i| thresholds[*i] = f64::INFINITY);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::part::simplify;
+    use proptest::prelude::*;
+    use terrane_vector::{Coordinates, Geometry, Kind};
+
+    fn geometry(kind: Kind, xy: Vec<[f64; 2]>) -> Geometry {
+        let mut coordinates = Coordinates::of(xy);
+        coordinates.end_part();
+        Geometry::new(kind, coordinates).unwrap()
+    }
+
+    /// Vertices that a filter by thresholds leaves, the closing one among them.
+    fn filtered(part: &Part<'_>, thresholds: &[f64], threshold: f64) -> Vec<[f64; 2]> {
+        let kept = part.xy.iter().zip(thresholds).filter(|(_, own)| **own > threshold);
+        let mut kept: Vec<[f64; 2]> = kept.map(|(xy, _)| *xy).collect();
+        if part.is_ring() {
+            kept.extend(kept.first().copied());
+        }
+        kept
+    }
+
+    proptest! {
+        #[test]
+        fn a_filter_is_what_the_method_keeps(
+            xy in prop::collection::vec((0i32..40, 0i32..40), 4..40),
+            closes in any::<bool>(),
+            is_ring in any::<bool>(),
+            tolerance in 0u32..60,
+        ) {
+            let mut xy: Vec<[f64; 2]> = xy.iter().map(|(x, y)| [f64::from(*x), f64::from(*y)]).collect();
+            xy.dedup();
+            if closes {
+                xy.push(xy[0]);
+            }
+            let corners: std::collections::BTreeSet<_> = xy.iter().map(|p| p.map(|c| c as i32)).collect();
+            prop_assume!(corners.len() > 3);
+            let kind = if is_ring { Kind::Polygon } else { Kind::LineString };
+            let geometry = geometry(kind, xy);
+            // Not a distance or an area that can be met: ties are for the exact to decide.
+            let threshold = f64::from(tolerance) * 0.5 + 0.0123;
+            for (method, which) in [(&Method::RDP, 0), (&Method::VISVALINGAM, 1)] {
+                let rule = Rule { method, measure: Measure::Plane, threshold, collapse: Collapse::Minimal };
+                let (other, _) = simplify(&geometry, None, &rule).unwrap();
+                let part = geometry.parts().next().unwrap();
+                let own = thresholds(&part, Measure::Plane).unwrap();
+                let own = filtered(&part, &own[which], threshold);
+                let kept = other.parts().next().unwrap().xy.to_vec();
+                // A ring that collapses keeps three here; the method adds what its tolerance asks for then.
+                if is_ring && own.len() <= 4 {
+                    prop_assert!(own.len() == 4 && kept.len() >= 4);
+                } else {
+                    prop_assert_eq!(own, kept, "{}", method.name);
+                }
+            }
+        }
+    }
+}

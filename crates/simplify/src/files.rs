@@ -1,0 +1,211 @@
+//! The files of a job: opened, paired with what is written, and agreeing in their CRS.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::LineJob;
+use super::goal::{Goal, measured};
+use super::tool::{Measure, Rule};
+use terrane_base::error::{Error, Result, all};
+use terrane_base::geom::Crs;
+use terrane_crs::Operation;
+use terrane_engine::transform::{self, Extent, Moving, Transformed};
+use terrane_files::atomic;
+use terrane_vector::{
+    self as vector, FeatureSink, FeatureSource, Layer, OpenOptions, VectorFormat, WriteOptions,
+    Written,
+};
+
+/// An input and the output it becomes.
+pub(super) struct Pair {
+    pub(super) input: PathBuf,
+    pub(super) output: PathBuf,
+    format: &'static VectorFormat,
+    /// What leads to the system of the output, where that is another.
+    operation: Option<Arc<Operation>>,
+}
+
+/// The inputs and outputs of a job.
+pub(super) struct Files {
+    pub(super) pairs: Vec<Pair>,
+    /// The system that all inputs are in.
+    pub(super) crs: Crs,
+}
+
+impl Files {
+    /// Pairs the inputs of a job with outputs, and looks at their headers.
+    pub(super) fn of(job: &LineJob) -> Result<Self> {
+        let mut pairs = pairs(job)?;
+        let mut names: Vec<_> = pairs.iter().map(|pair| &pair.output).collect();
+        names.sort();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(Error::usage("two inputs would become the same file")
+                .in_file(twice[0])
+                .remedy("give them different names, or simplify them one by one"));
+        }
+        let systems = pairs.iter().map(|pair| Ok(pair.open(job)?.layer().crs.clone()));
+        let mut crs: Option<Crs> = None;
+        for (pair, own) in pairs.iter().zip(all(systems.collect())?) {
+            match &crs {
+                None => crs = Some(own),
+                Some(first) if first.agrees(&own) => {}
+                Some(first) => {
+                    let [ours, theirs] = first.told_apart(&own);
+                    let message = format!(
+                        "its coordinate reference system is {theirs}, and that of {} is {ours}",
+                        pairs[0].input.display(),
+                    );
+                    return Err(Error::bad_input(message)
+                        .in_file(&pair.input)
+                        .remedy("bring both into one system"));
+                }
+            }
+        }
+        let crs = crs.unwrap_or_default();
+        if let Some(transform) = &job.transform {
+            let operation = Arc::new(transform.operation(
+                (&pairs[0].input, &crs),
+                extent(job, &pairs)?,
+                &job.resources,
+            )?);
+            pairs.iter_mut().for_each(|pair| pair.operation = Some(operation.clone()));
+        }
+        Ok(Self { pairs, crs })
+    }
+
+    /// Tells in a report what led to the system of the outputs.
+    pub(super) fn note_operation(&self, report: &mut super::LineReport) {
+        let operation = self.pairs.first().and_then(|pair| pair.operation.as_ref());
+        report.transformed = operation.map(|own| Transformed::of(own));
+        report.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
+    }
+
+    /// The rule of a job whose threshold is told, or is to be `threshold`.
+    pub(super) fn rule(&self, job: &LineJob, threshold: f64) -> Result<Rule> {
+        let plain = if job.is_space { Measure::Space } else { Measure::Plane };
+        let (measure, threshold) = match job.goal {
+            Goal::Tolerance(length) => measured(length, job.is_space, &self.crs)?,
+            Goal::Area(area) => (plain, area),
+            _ => (plain, threshold),
+        };
+        Ok(Rule { method: job.method, measure, threshold, collapse: job.collapse })
+    }
+}
+
+/// Where all features lie: a header may be wrong about it, so they are read.
+fn extent(job: &LineJob, pairs: &[Pair]) -> Result<Option<[f64; 4]>> {
+    let mut extent = Extent::NONE;
+    for pair in pairs {
+        let mut source = pair.open(job)?;
+        while let Some(mut feature) = source.next()? {
+            feature
+                .geometry
+                .for_each_leaf(&mut |leaf| leaf.xy.iter().for_each(|at| extent.add(*at)));
+        }
+    }
+    Ok(extent.get())
+}
+
+/// The files that a job writes, without those that come with them.
+///
+/// # Errors
+/// No input, and a format that is unknown or not written.
+pub fn outputs(job: &LineJob) -> Result<Vec<PathBuf>> {
+    Ok(pairs(job)?.into_iter().map(|pair| pair.output).collect())
+}
+
+fn pairs(job: &LineJob) -> Result<Vec<Pair>> {
+    match job.input.as_slice() {
+        [] => Err(Error::usage("no file is given")),
+        [input] if !job.is_into_folder() => Ok(vec![Pair {
+            input: input.clone(),
+            output: job.output.clone(),
+            format: vector::by_path(&job.output, job.format.as_deref())?,
+            operation: None,
+        }]),
+        many => all(many.iter().map(|input| in_folder(job, input)).collect()),
+    }
+}
+
+/// An input whose output lies in the job's folder under its own name.
+fn in_folder(job: &LineJob, input: &Path) -> Result<Pair> {
+    let name = input.file_name().ok_or_else(|| {
+        Error::usage("is no file").in_file(input).remedy("name files of features")
+    })?;
+    let mut output = job.output.join(name);
+    let format = match &job.format {
+        Some(name) => vector::by_path(&output, Some(name))?,
+        None => vector::identify(input)?.map_or_else(|| vector::by_path(input, None), Ok)?,
+    };
+    if format.create.is_none() {
+        return Err(Error::usage(format!("{} is read, but not written", format.name))
+            .in_file(input)
+            .remedy("name a ‹format› to write"));
+    }
+    if job.format.is_some() {
+        output.set_extension(format.extensions[0]);
+    }
+    Ok(Pair { input: input.to_path_buf(), output, format, operation: None })
+}
+
+impl Pair {
+    /// Opens the input.
+    pub(super) fn open(&self, job: &LineJob) -> Result<Box<dyn FeatureSource>> {
+        vector::open(&self.input, &OpenOptions { layer: job.layer.clone() })
+    }
+
+    /// Starts the output.
+    pub(super) fn create(&self, job: &LineJob, layer: &Layer) -> Result<Box<dyn FeatureSink>> {
+        if let Some(folder) = self.output.parent().filter(|_| job.is_into_folder()) {
+            atomic::create_folders(folder)?;
+        }
+        self.create_at(&self.output, job, layer)
+    }
+
+    /// Starts a file like the output in another folder, under the name that it will have: some formats
+    /// write it into the file.
+    pub(super) fn create_in(
+        &self,
+        folder: &Path,
+        job: &LineJob,
+        layer: &Layer,
+    ) -> Result<Box<dyn FeatureSink>> {
+        let name = self.output.file_name().unwrap_or_default();
+        self.create_at(&folder.join(name), job, layer)
+    }
+
+    fn create_at(&self, path: &Path, job: &LineJob, layer: &Layer) -> Result<Box<dyn FeatureSink>> {
+        let options = WriteOptions {
+            overwrite: job.overwrite,
+            decimals: job.decimals,
+            lines_are_rounded: job.topology.is_some(),
+            temp_dir: job.resources.temp_dir.clone(),
+            ..WriteOptions::default()
+        };
+        // What the header claims of the input is not true of the output.
+        let mut layer = Layer { extent: None, ..layer.clone() };
+        let Some(operation) = &self.operation else {
+            return vector::create(path, self.format, &layer, &options);
+        };
+        layer.crs = operation.target().clone();
+        layer.foreign.retain(transform::stays);
+        let inner = vector::create(path, self.format, &layer, &options)?;
+        Ok(Box::new(Moving { inner, operation: operation.clone() }))
+    }
+
+    /// Bytes of the input, where it is a file.
+    pub(super) fn size(&self) -> u64 {
+        std::fs::metadata(&self.input).map_or(0, |meta| meta.len())
+    }
+}
+
+/// Adds what was written to a report.
+pub(super) fn note(report: &mut super::LineReport, written: Written, notes: Vec<String>) {
+    report.output_bytes += written.bytes;
+    report.outputs.extend(written.files.first().map(|path| super::name(path)));
+    for note in notes.into_iter().chain(written.notes) {
+        if !report.notes.contains(&note) {
+            report.notes.push(note);
+        }
+    }
+}

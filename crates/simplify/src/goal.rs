@@ -1,0 +1,134 @@
+//! How much is left out: by a length, an area, a share or number of vertices, or a size of the file.
+
+use serde::Serialize;
+
+use super::length::Length;
+use super::tool::Measure;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
+use terrane_line::Method;
+use terrane_line::registry::Bounds;
+
+/// What the result has to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// No vertex farther than this from the segment in its place.
+    Tolerance(Length),
+    /// No triangle of less than this effective area, in squared units of the data, for methods that
+    /// go by area.
+    Area(f64),
+    /// This share of the vertices, from 0 to 1, or fewer.
+    Ratio(f64),
+    /// So many vertices, or fewer.
+    Count(u64),
+    /// So many bytes, or fewer.
+    Size(u64),
+}
+
+/// What a sought goal counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unit {
+    Vertices,
+    Bytes,
+}
+
+impl Goal {
+    /// Fails when the method cannot be held to it.
+    pub(super) fn check(&self, method: &Method) -> Result<()> {
+        self.check_number()?;
+        match (self, method.bounds) {
+            (Self::Tolerance(_), Bounds::Area(_)) => {
+                Err(Error::usage(format!("{} bounds no distance", method.name))
+                    .remedy("pass ‹area› or ‹keep_ratio›, or choose another ‹method›"))
+            }
+            (Self::Area(_), Bounds::Distance) => {
+                Err(Error::usage(format!("{} goes by distance, not by area", method.name))
+                    .remedy("pass ‹tolerance›, or ‹method› visvalingam"))
+            }
+            (Self::Tolerance(_), Bounds::Distance) | (Self::Area(_), Bounds::Area(_)) => Ok(()),
+            (Self::Ratio(_) | Self::Count(_) | Self::Size(_), _) => Ok(()),
+        }
+    }
+
+    /// Fails for what is no length, area or share.
+    fn check_number(&self) -> Result<()> {
+        let (what, value, most) = match *self {
+            Self::Tolerance(Length { value, .. }) => ("tolerance", value, f64::MAX),
+            Self::Area(area) => ("area", area, f64::MAX),
+            Self::Ratio(share) => ("share of vertices", share, 1.0),
+            Self::Count(_) | Self::Size(_) => return Ok(()),
+        };
+        if (0.0..=most).contains(&value) {
+            return Ok(());
+        }
+        let most = if most == 1.0 { " to 1" } else { " on, and finite" };
+        Err(Error::usage(format!("{what} {value} is none"))
+            .remedy(format!("pass one from 0{most}")))
+    }
+
+    /// What a threshold is to be looked for, for so many vertices; `None` where one is given.
+    pub(super) fn wanted(&self, vertices: u64) -> Option<(u64, Unit)> {
+        match *self {
+            Self::Ratio(share) => Some(((vertices as f64 * share).floor() as u64, Unit::Vertices)),
+            Self::Count(count) => Some((count, Unit::Vertices)),
+            Self::Size(bytes) => Some((bytes, Unit::Bytes)),
+            Self::Tolerance(_) | Self::Area(_) => None,
+        }
+    }
+}
+
+/// The metric and threshold of a length over data in `crs`.
+///
+/// # Errors
+/// A length in metres over data of an unknown unit, or one measured in space over degrees.
+pub fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(Measure, f64)> {
+    let plain = if is_space { Measure::Space } else { Measure::Plane };
+    let Some(metres) = length.unit else { return Ok((plain, length.value)) };
+    if let Some(unit) = crs.horizontal_metres() {
+        return Ok((plain, length.value * metres / unit));
+    }
+    match crs.horizontal_unit() {
+        "degree" if is_space => Err(Error::unsupported("heights beside longitudes in degrees")
+            .remedy("leave out ‹metric› 3d, or bring the data into a projected system")),
+        "degree" if !crs.spheroid()?.is_none_or(|own| own.is_of_earth()) => {
+            let what =
+                "lengths in metres over longitudes and latitudes of another body than the Earth";
+            Err(Error::unsupported(what).remedy("pass ‹tolerance› as a plain number, in degrees"))
+        }
+        "degree" => Ok((Measure::Geographic, length.value * metres)),
+        _ => Err(Error::usage("the data name no unit that metres could be told in")
+            .remedy("pass ‹tolerance› as a plain number, in units of the data")),
+    }
+}
+
+/// A goal as it was met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Threshold {
+    /// The tolerance in units of the metric, or the area.
+    pub value: f64,
+    /// True for metres on the ellipsoid.
+    pub metres: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_told_in_the_units_of_the_data() {
+        let crs = |epsg| Crs { epsg: Some(epsg), ..Crs::default() };
+        let hundred = Length { value: 100.0, unit: Some(1.0) };
+        let told = |length, space, crs: &Crs| measured(length, space, crs).unwrap();
+        assert_eq!(told(hundred, false, &crs(28992)), (Measure::Plane, 100.0));
+        assert_eq!(told(hundred, true, &crs(28992)), (Measure::Space, 100.0));
+        let degrees = Crs { geographic: Some(true), ..crs(4326) };
+        assert_eq!(told(hundred, false, &degrees), (Measure::Geographic, 100.0));
+        assert!(measured(hundred, true, &degrees).is_err());
+        assert!(measured(hundred, false, &Crs::default()).is_err());
+        let plain = Length { value: 0.5, unit: None };
+        assert_eq!(told(plain, false, &degrees), (Measure::Plane, 0.5));
+        let feet = Crs { geographic: Some(false), ..crs(2263) };
+        let (_, told) = told(Length { value: 1.0, unit: Some(0.3048) }, false, &feet);
+        assert!((told - 1.0).abs() < 1e-5, "{told}");
+    }
+}

@@ -1,0 +1,188 @@
+//! Options of line simplification.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value as Json;
+use terrane_options::{Choice, Codec, Kind, Named, Options, Range, Rule};
+
+use super::{Goal, Length, LengthText, LineJob, LineReport, Topology, method, run};
+use terrane_base::error::Result;
+use terrane_engine::Resources;
+use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::options::{FeatureInput, FileName, FileOutput, FileSize, Reprojection};
+use terrane_files::path_of;
+use terrane_line::topology::{Collapse, Strategy};
+use terrane_line::{METHODS, Method};
+
+/// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
+///
+/// Features keep their properties, ids, heights and measures. With ‹topology› shared borders stay shared, nothing crosses
+/// that did not, and no ring turns over or changes sides.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+#[non_exhaustive]
+pub struct LineOptions {
+    /// Largest distance of a vertex from the segment in its place, in units of the data, or with a unit: 100m, 2km, 50ft
+    /// (of longitudes and latitudes on the ellipsoid)
+    #[option(value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, heading = "How much")]
+    pub tolerance: Option<Length>,
+    /// For methods that go by area: smallest effective area, in squared units of the data
+    #[option(value = "A", range = Range::FROM_ZERO, heading = "How much")]
+    pub area: Option<f64>,
+    /// Keep this share of the vertices, from 0 to 1
+    #[option(value = "SHARE", range = Range::new(0.0, 1.0), heading = "How much")]
+    pub keep_ratio: Option<f64>,
+    /// Keep so many vertices at most
+    #[option(value = "N", heading = "How much")]
+    pub keep_count: Option<u64>,
+    /// Write files of so many bytes at most, such as 5M
+    #[option(value = "SIZE", with = FileSize, heading = "How much")]
+    pub target_size: Option<u64>,
+    /// How vertices are chosen
+    #[option(value = "NAME", with = MethodName, default_text = "cone; rdp with ‹hierarchy›", heading = "Method")]
+    pub method: Option<String>,
+    /// File of all splits of rdp, with the distance at which each is made: made where it is not there, and asked instead of
+    /// the method where it is, for any tolerance, share, number or size
+    #[option(value = "FILE", with = FileName, heading = "Method")]
+    pub hierarchy: Option<PathBuf>,
+    /// What a distance is: in x and y, or in x, y and z
+    #[option(value = "NAME", heading = "Method")]
+    pub metric: Metric,
+    /// What becomes of rings of which less than a triangle would be left
+    #[option(value = "HOW", heading = "Method")]
+    pub collapse: Collapse,
+    /// Keep shared borders shared, and let nothing cross, turn over or change sides that did not
+    #[option(heading = "Neighbours")]
+    pub topology: bool,
+    /// When crossings are looked for
+    #[option(value = "WHEN", default_text = "retroactive", heading = "Neighbours")]
+    pub strategy: Option<Strategy>,
+    /// Make vertices one that are no farther apart than this, in units of the data
+    #[option(value = "DISTANCE", range = Range::POSITIVE, heading = "Neighbours")]
+    pub snap: Option<f64>,
+    /// Points that stay on the side of every line that they are on
+    #[option(value = "FILE", with = FileName, role = Reads, heading = "Neighbours")]
+    pub sides: Option<PathBuf>,
+    /// Digits behind the point that positions are rounded to; with ‹topology› vertices keep theirs where lines would touch,
+    /// cross or change sides
+    #[option(value = "N", range = Range::new(0.0, 17.0), default_text = "as they are", heading = "Output")]
+    pub decimals: Option<u8>,
+    /// The output file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// The coordinate reference system of the output.
+    #[option(flatten)]
+    pub reprojection: Reprojection,
+    /// How features are read.
+    #[option(flatten)]
+    pub features: FeatureInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[
+    Rule::OneOf(&["tolerance", "area", "keep_ratio", "keep_count", "target_size"], "goal"),
+    Rule::NotWith("hierarchy", &["topology"]),
+    Rule::Needs("strategy", &["topology"]),
+    Rule::Needs("snap", &["topology"]),
+    Rule::Needs("sides", &["topology"]),
+];
+
+/// What a distance is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
+pub enum Metric {
+    /// In x and y
+    #[default]
+    Plane,
+    /// In x, y and z
+    #[choice(name = "3d")]
+    Space,
+}
+
+/// The name of a method.
+pub(super) struct MethodName;
+
+impl Codec<String> for MethodName {
+    const KIND: Kind = Kind::Choice(|| {
+        METHODS.iter().map(|own| Named { name: own.name, about: own.summary }).collect()
+    });
+
+    fn parse(text: &str) -> std::result::Result<String, String> {
+        method(text).map(|own| own.name.to_owned()).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}
+
+impl LineOptions {
+    /// What is to be reached.
+    fn goal(&self) -> Goal {
+        let goals = [
+            self.tolerance.map(Goal::Tolerance),
+            self.area.map(Goal::Area),
+            self.keep_ratio.map(Goal::Ratio),
+            self.keep_count.map(Goal::Count),
+            self.target_size.map(Goal::Size),
+        ];
+        // The rules ask for one of them.
+        goals.into_iter().flatten().next().unwrap_or(Goal::Ratio(1.0))
+    }
+
+    /// How vertices are chosen.
+    fn chosen(&self) -> Result<&'static Method> {
+        match (&self.method, &self.hierarchy) {
+            (Some(name), _) => method(name),
+            (None, Some(_)) => Ok(&Method::RDP),
+            (None, None) => Ok(&METHODS[0]),
+        }
+    }
+
+    /// The job on some files.
+    ///
+    /// # Errors
+    /// Usage: a method that there is not.
+    pub fn job(&self, inputs: &[String], output: &Path) -> Result<LineJob> {
+        let topology = Topology {
+            strategy: self.strategy.unwrap_or_default(),
+            snap: self.snap.unwrap_or(0.0),
+            sides: self.sides.clone(),
+            ..Topology::default()
+        };
+        Ok(LineJob {
+            input: inputs.iter().map(|name| path_of(name).into_owned()).collect(),
+            layer: self.features.layer.clone(),
+            output: output.to_path_buf(),
+            into_folder: false,
+            format: self.file.format.clone(),
+            method: self.chosen()?,
+            goal: self.goal(),
+            is_space: self.metric == Metric::Space,
+            topology: self.topology.then_some(topology),
+            hierarchy: self.hierarchy.clone(),
+            collapse: self.collapse,
+            decimals: self.decimals,
+            transform: self.reprojection.transform(),
+            overwrite: self.file.replacing.overwrite,
+            resources: self.resources.clone(),
+        })
+    }
+}
+
+impl Operation for LineOptions {
+    const NAME: &'static str = "simplify";
+    type Input = FeatureInput;
+    const WRITES: Writes = Writes::Lines;
+    type Report = LineReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        self.job(&[], output)?.check()
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<LineReport> {
+        let job = self.job(request.inputs.names(), request.output)?;
+        run(&job, request.progress, request.cancel)
+    }
+}

@@ -1,0 +1,63 @@
+//! What a simplification did.
+
+use serde::Serialize;
+
+use super::goal::Threshold;
+use super::tool::Measure;
+use terrane_engine::figures::Figures;
+use terrane_engine::transform::Transformed;
+
+/// What a file of hierarchies was to a simplification.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct HierarchyReport {
+    pub file: String,
+    /// True where it was made, false where it was there.
+    pub made: bool,
+    pub bytes: u64,
+    /// Seconds, of all threads together, in which hierarchies were made, or checked.
+    pub prepare_seconds: f64,
+    /// Seconds, of all threads together, in which they told what is kept.
+    pub query_seconds: f64,
+}
+
+/// What a simplification did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct LineReport {
+    pub inputs: Vec<String>,
+    pub outputs: Vec<String>,
+    pub method: String,
+    pub measure: Measure,
+    pub threshold: Threshold,
+    /// The system of the inputs.
+    pub crs: String,
+    /// What led to the system of the outputs, where that is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
+    pub features: u64,
+    /// Lines and rings.
+    pub parts: u64,
+    pub vertices: u64,
+    pub kept: u64,
+    /// The largest distance of a vertex from the segment in its place, in units of the metric.
+    pub largest_distance: f64,
+    /// Rings of which fewer than three vertices would have been left.
+    pub collapsed: u64,
+    /// Shared borders and what lies between them; 0 without topology.
+    pub arcs: u64,
+    /// Pieces that had to keep more vertices because of their neighbours.
+    pub refined: u64,
+    /// Vertices that keep their digits with topology, as rounding them would spoil it.
+    pub unrounded: u64,
+    /// Pairs of segments that cross, touch or overlap in the input and still do.
+    pub input_crossings: u64,
+    /// The file of hierarchies, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hierarchy: Option<HierarchyReport>,
+    pub output_bytes: u64,
+    pub notes: Vec<String>,
+    #[serde(flatten)]
+    pub run: Figures,
+}

@@ -1,0 +1,148 @@
+//! Features one by one, in the order of the file: batches are simplified on all threads while the
+//! next one is read.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::files::{self, Files, Pair};
+use super::part::{self, Tally};
+use super::stored::{self, Order, Store};
+use super::tool::Rule;
+use super::{LineJob, LineReport, on_threads};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_vector::{Feature, FeatureSink, FeatureSource};
+
+/// Vertices of a batch, at least, unless memory is short.
+const BATCH: u64 = 1 << 20;
+/// Bytes that a vertex of a batch takes, with what is made of it.
+const VERTEX: u64 = 160;
+/// Bytes that a vertex of a feature takes that is more than a batch, by any method, with what the next
+/// batch takes.
+const FEATURE_VERTEX: u64 = 104;
+/// Bytes more where it has a hierarchy.
+const SPLIT: u64 = 60;
+/// Features of a batch at most.
+const MOST_FEATURES: usize = 1 << 16;
+
+pub(super) fn run(
+    job: &LineJob,
+    files: &Files,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<LineReport> {
+    let rule = files.rule(job, 0.0)?;
+    let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
+    report.measured_by(&rule);
+    let mut store = Store::of(job, &rule)?;
+    let bytes: u64 = files.pairs.iter().map(Pair::size).sum();
+    progress.begin("simplify", bytes);
+    for (number, pair) in files.pairs.iter().enumerate() {
+        let is_last = number + 1 == files.pairs.len();
+        let copy = || {
+            let copied = copy(job, pair, &rule, &mut store, &mut report, cancel);
+            let (source, sink) = copied.map_err(|e| in_input(e, pair))?;
+            // Before the output appears.
+            if is_last { store.end() } else { Ok(()) }?;
+            let foreign = source.layer().foreign.clone();
+            files::note(&mut report, sink.finish(&foreign)?, source.notes());
+            Ok(())
+        };
+        on_threads(job.resources.threads, copy)??;
+        progress.advance(pair.size());
+    }
+    report.stored(job, store)?;
+    progress.end();
+    Ok(report)
+}
+
+/// What a feature is too large for is told with its file.
+fn in_input(error: Error, pair: &Pair) -> Error {
+    if error.kind() == ErrorKind::Resource { error.in_file(&pair.input) } else { error }
+}
+
+/// A file at its end, and what it became, not yet complete.
+type Copied = (Box<dyn FeatureSource>, Box<dyn FeatureSink>);
+
+/// One file.
+fn copy(
+    job: &LineJob,
+    pair: &Pair,
+    rule: &Rule,
+    store: &mut Store,
+    report: &mut LineReport,
+    cancel: &Cancel,
+) -> Result<Copied> {
+    let mut source = pair.open(job)?;
+    let mut sink = pair.create(job, source.layer())?;
+    let vertex = if store.is_some() { VERTEX + SPLIT } else { VERTEX };
+    let most = BATCH.min(beside_program(job.resources.memory) / vertex / 4).max(1);
+    let room = (most, job.resources.memory);
+    let mut batch = read(&mut *source, store, room)?;
+    while !batch.is_empty() {
+        cancel.check()?;
+        let (made, next) =
+            rayon::join(|| simplify(batch, rule), || read(&mut *source, store, room));
+        for one in made {
+            let made = one.map_err(|e| e.in_file(&pair.input))?;
+            report.add(&made.tally);
+            sink.write(&made.feature)?;
+            made.record.map_or(Ok(()), |record| store.push(&record))?;
+        }
+        batch = next?;
+    }
+    Ok((source, sink))
+}
+
+/// A feature, where it was, and how it is to be simplified.
+type Placed = (Feature, String, Order);
+
+/// The next features, of about so many vertices; each has to fit into memory.
+fn read(
+    source: &mut dyn FeatureSource,
+    store: &mut Store,
+    (most, memory): (u64, u64),
+) -> Result<Vec<Placed>> {
+    let (mut batch, mut vertices) = (Vec::new(), 0);
+    while vertices < most && batch.len() < MOST_FEATURES {
+        let Some(feature) = source.next()? else { break };
+        let own = feature.geometry.vertices() as u64;
+        let needed = PROGRAM + own * FEATURE_VERTEX;
+        if own > most && needed > memory {
+            let message = format!("a feature of {own} vertices is more than memory holds");
+            return Err(short(message, needed).at(source.place()));
+        }
+        vertices += own;
+        let order = store.next(&feature.geometry)?;
+        batch.push((feature, source.place(), order));
+    }
+    Ok(batch)
+}
+
+/// A feature made simpler.
+struct Made {
+    feature: Feature,
+    tally: Tally,
+    /// Its hierarchies, where they are to be stored.
+    record: Option<Vec<u8>>,
+}
+
+fn simplify(batch: Vec<Placed>, rule: &Rule) -> Vec<Result<Made>> {
+    let one = |(feature, place, order): Placed| make(feature, order, rule).map_err(|e| e.at(place));
+    batch.into_par_iter().map(one).collect()
+}
+
+fn make(feature: Feature, order: Order, rule: &Rule) -> Result<Made> {
+    let started = Instant::now();
+    let is_new = matches!(order, Order::Make);
+    let trees = stored::trees(order, &feature.geometry, rule)?;
+    let new = trees.as_ref().filter(|_| is_new);
+    let record = new.map(|trees| trees.record(&feature.geometry, rule.measure));
+    let prepare_seconds = trees.as_ref().map_or(0.0, |_| started.elapsed().as_secs_f64());
+    let (geometry, tally) = part::simplify(&feature.geometry, trees.as_ref(), rule)?;
+    let feature = Feature { geometry, ..feature };
+    Ok(Made { feature, tally: Tally { prepare_seconds, ..tally }, record })
+}

@@ -1,0 +1,180 @@
+//! The hierarchies of a feature: made once of each line that its parts are split as, then asked for any
+//! tolerance in place of the method.
+
+use std::time::Instant;
+
+use super::part::{check, vertices};
+use super::tool::{Measure, Rule, Task, Tool, Vertex};
+use terrane_base::error::{Error, Result};
+use terrane_engine::plan::Digest;
+use terrane_line::visvalingam::{Areas, Weight};
+use terrane_line::{Hierarchy, Method, Metric, Scratch};
+use terrane_vector::{Geometry, Part};
+
+/// Bytes before each hierarchy: how many it takes.
+const LENGTH: usize = 8;
+
+/// The hierarchies of a feature, in the order in which its lines are simplified.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Trees(Vec<Hierarchy>);
+
+impl Trees {
+    /// Splits every line of a geometry down to its vertices.
+    ///
+    /// # Errors
+    /// A part that the metric cannot measure.
+    pub(super) fn of(geometry: &Geometry, rule: &Rule) -> Result<Self> {
+        geometry.parts().try_for_each(|part| check(&part, rule))?;
+        Ok(Self(rule.apply(Splitting(geometry))))
+    }
+
+    /// What is stored of a geometry with these hierarchies: the digest of its coordinates, and their bytes.
+    pub(super) fn record(&self, geometry: &Geometry, measure: Measure) -> Vec<u8> {
+        let mut bytes = digest(geometry, measure).bytes().to_vec();
+        for tree in &self.0 {
+            let own = tree.to_bytes();
+            bytes.extend((own.len() as u64).to_le_bytes());
+            bytes.extend(own);
+        }
+        bytes
+    }
+
+    /// Hierarchies from their bytes.
+    ///
+    /// # Errors
+    /// Bytes that are none.
+    pub(super) fn from_bytes(mut bytes: &[u8]) -> Result<Self> {
+        let mut trees = Vec::new();
+        while let Some((length, rest)) = bytes.split_first_chunk::<LENGTH>() {
+            let length = usize::try_from(u64::from_le_bytes(*length)).ok();
+            let own = length.and_then(|length| rest.split_at_checked(length));
+            let (own, rest) = own.ok_or_else(cut_short)?;
+            trees.push(Hierarchy::from_bytes(own)?);
+            bytes = rest;
+        }
+        if bytes.is_empty() { Ok(Self(trees)) } else { Err(cut_short()) }
+    }
+
+    /// Most bytes that the record of a geometry takes.
+    pub(super) fn most_bytes(geometry: &Geometry) -> u64 {
+        let of = |part: Part<'_>| 2 * (LENGTH + 24) as u64 + 8 * part.xy.len() as u64;
+        Digest::BYTES as u64 + geometry.parts().map(of).sum::<u64>()
+    }
+}
+
+fn cut_short() -> Error {
+    Error::bad_input("the hierarchies of a feature are cut short")
+        .remedy("delete the file to have it made again")
+}
+
+/// What stands for the coordinates that distances are measured between, and how they make parts.
+pub(super) fn digest(geometry: &Geometry, measure: Measure) -> Digest {
+    let mut hasher = blake3::Hasher::new();
+    for part in geometry.parts() {
+        hasher.update(&head(&part)).update(bytemuck::cast_slice(part.xy));
+        if measure == Measure::Space {
+            hasher.update(bytemuck::cast_slice(part.z));
+        }
+    }
+    Digest(*hasher.finalize().as_bytes())
+}
+
+/// What a part is, and how many vertices it has.
+fn head(part: &Part<'_>) -> [u8; 9] {
+    let mut head = [u8::from(part.is_ring()); 9];
+    head[1..].copy_from_slice(&(part.xy.len() as u64).to_le_bytes());
+    head
+}
+
+/// Hierarchies that have not been asked yet.
+pub(super) struct Left<'a> {
+    trees: &'a [Hierarchy],
+    threshold: f64,
+    /// What answers took.
+    pub(super) seconds: f64,
+}
+
+impl<'a> Left<'a> {
+    /// All of a feature; none without any.
+    pub(super) fn of(trees: Option<&'a Trees>, threshold: f64) -> Self {
+        Self { trees: trees.map_or(&[], |trees| &trees.0), threshold, seconds: 0.0 }
+    }
+
+    /// Appends what is kept of the next line, of so many vertices; false when there is no hierarchy of it.
+    pub(super) fn filter(&mut self, vertices: usize, kept: &mut Vec<u32>) -> bool {
+        let Some((tree, left)) = self.trees.split_first() else { return false };
+        if tree.count() != vertices {
+            return false;
+        }
+        self.trees = left;
+        let started = Instant::now();
+        tree.filter(self.threshold, kept);
+        self.seconds += started.elapsed().as_secs_f64();
+        true
+    }
+}
+
+/// Thresholds below which the vertices of a geometry are kept, for those that may go: by `trees` if they are
+/// known; distances of other methods than Ramer-Douglas-Peucker's are near to its.
+///
+/// # Errors
+/// A part that the metric cannot measure.
+pub(super) fn thresholds(
+    geometry: &Geometry,
+    trees: Option<&Trees>,
+    rule: &Rule,
+) -> Result<Vec<f64>> {
+    if rule.method.bounds.weight().is_some() {
+        geometry.parts().try_for_each(|part| check(&part, rule))?;
+        return Ok(rule.apply(Weighing(geometry)));
+    }
+    let made = match trees {
+        Some(_) => Trees::default(),
+        None => Trees::of(geometry, &Rule { method: &Method::RDP, ..*rule })?,
+    };
+    let squares = trees.unwrap_or(&made).0.iter().flat_map(|tree| tree.squares());
+    Ok(squares.filter(|square| **square > 0.0).map(|square| square.sqrt()).collect())
+}
+
+/// A geometry whose vertices have areas.
+struct Weighing<'a>(&'a Geometry);
+
+impl Task for Weighing<'_> {
+    type Output = Vec<f64>;
+
+    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<f64> {
+        let (mut points, mut all) = (Vec::new(), Vec::new());
+        let weight = tool.rule.method.bounds.weight().unwrap_or(Weight::Plain);
+        for part in self.0.parts() {
+            vertices(&part, &mut points);
+            let areas = match (part.is_ring(), points.len()) {
+                (_, ..3) => continue,
+                (true, count) => Areas::of_ring(&tool.metric, &points[..count - 1], weight),
+                (false, _) => Areas::of_line(&tool.metric, &points, weight),
+            };
+            all.extend(areas.areas().iter().filter(|area| **area > 0.0 && area.is_finite()));
+        }
+        all
+    }
+}
+
+/// A geometry whose lines are to be split.
+struct Splitting<'a>(&'a Geometry);
+
+impl Task for Splitting<'_> {
+    type Output = Vec<Hierarchy>;
+
+    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<Hierarchy> {
+        let (mut points, mut kept) = (Vec::new(), Vec::new());
+        let (mut scratch, mut trees) = (Scratch::default(), Vec::new());
+        let mut split = |line: &[V], _: &mut Scratch, kept: &mut Vec<u32>| {
+            trees.push(Hierarchy::new(&tool.metric, line));
+            kept.extend(0..line.len() as u32);
+        };
+        for part in self.0.parts() {
+            vertices(&part, &mut points);
+            tool.choose(&points, part.is_ring(), &mut split, &mut scratch, &mut kept);
+        }
+        trees
+    }
+}

@@ -1,0 +1,165 @@
+//! All features together: shared borders are simplified once, and nothing crosses, collapses or
+//! changes sides; or a number of vertices or bytes is to be met.
+
+mod alone;
+mod cover;
+mod gaps;
+mod input;
+mod kept;
+mod left;
+mod moves;
+mod own;
+mod search;
+mod spool;
+mod square;
+mod trial;
+
+pub use cover::positions;
+
+use std::time::Instant;
+
+use super::files::{self, Files};
+use super::part::Tally;
+use super::stored::{self, Order, Store};
+use super::tool::Rule;
+use super::trees::Trees;
+use super::{LineJob, LineReport, on_threads};
+use cover::Cover;
+use input::{Collected, Input};
+use rayon::prelude::*;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_vector::{Feature, Written};
+use trial::Wanted;
+
+/// A job on all features.
+struct Whole<'a> {
+    job: &'a LineJob,
+    files: &'a Files,
+    progress: &'a dyn Progress,
+    cancel: &'a Cancel,
+}
+
+pub(super) fn run(
+    job: &LineJob,
+    files: &Files,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<LineReport> {
+    let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
+    let whole = Whole { job, files, progress, cancel };
+    let plain = files.rule(job, 0.0)?;
+    let mut store = Store::of(job, &plain)?;
+    let mut input = Input::read(job, files, whole.share(), &mut store, progress, cancel)?;
+    store.end()?;
+    if job.topology.is_none() && input.held().is_none() {
+        return Err(whole.too_little(&input));
+    }
+    match job.goal.wanted(input.vertices) {
+        Some(wanted) => {
+            on_threads(job.resources.threads, || {
+                split(files, &mut input.all, &plain, &mut store, &mut report, cancel)
+            })??;
+            search::run(&whole, &mut input, wanted, &mut report)?;
+        }
+        None => {
+            whole.make(&mut input, &plain, None, &mut report)?;
+            report.measured_by(&plain);
+        }
+    }
+    report.stored(job, store)?;
+    Ok(report)
+}
+
+/// Features that are held take this share of memory at most: with neighbours, beside what is made of
+/// them square by square; alone, beside as much again that is made of all of them.
+const WITH_NEIGHBOURS: u64 = 2;
+const ALONE: u64 = 4;
+
+/// Bytes for features and what is made of them.
+fn room(job: &LineJob) -> u64 {
+    match job.topology {
+        Some(_) => cover::beside(job.resources.memory),
+        None => beside_program(job.resources.memory),
+    }
+}
+
+impl Whole<'_> {
+    /// Bytes of features that may be held.
+    fn share(&self) -> u64 {
+        match self.job.topology {
+            Some(_) => room(self.job) / WITH_NEIGHBOURS,
+            None => room(self.job) / ALONE,
+        }
+    }
+
+    fn too_little(&self, input: &Input<'_>) -> Error {
+        let enough = input.bytes * ALONE + PROGRAM;
+        let mib = enough.div_ceil(1 << 20);
+        let message = format!("the threshold is looked for in memory, which takes {mib} MiB");
+        let error = short(message, enough).or("pass ‹tolerance›, or split the input");
+        error.in_file(&self.files.pairs[0].input)
+    }
+
+    /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
+    /// what came.
+    fn make(
+        &self,
+        input: &mut Input<'_>,
+        rule: &Rule,
+        wanted: Option<&Wanted>,
+        report: &mut LineReport,
+    ) -> Result<Option<u64>> {
+        let &Self { job, files, progress, cancel } = self;
+        match (&job.topology, wanted) {
+            (Some(topology), _) => {
+                Cover { job, files, topology, rule, progress, cancel }.run(input, wanted, report)
+            }
+            (None, Some(wanted)) => self.alone(input, rule, wanted, report),
+            (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
+        }
+    }
+
+    fn note(&self, input: &Input<'_>, written: Vec<Written>, report: &mut LineReport) {
+        for (written, file) in written.into_iter().zip(&input.all) {
+            files::note(report, written, file.notes.clone());
+        }
+    }
+}
+
+/// Makes the hierarchies that were ordered of all features, and stores new ones.
+fn split(
+    files: &Files,
+    all: &mut [Collected],
+    rule: &Rule,
+    store: &mut Store,
+    report: &mut LineReport,
+    cancel: &Cancel,
+) -> Result<()> {
+    if !store.is_some() {
+        return Ok(());
+    }
+    for (pair, collected) in files.pairs.iter().zip(all) {
+        let orders = std::mem::take(&mut collected.orders);
+        let make = |((order, place), feature): ((Order, String), &Feature)| {
+            cancel.check()?;
+            let started = Instant::now();
+            let trees = stored::trees(order, &feature.geometry, rule).map_err(|e| e.at(place))?;
+            Ok((trees.unwrap_or_default(), started.elapsed().as_secs_f64()))
+        };
+        let made = orders.into_par_iter().zip(&collected.features).map(make);
+        let made: Result<Vec<(Trees, f64)>> = made.collect();
+        for (trees, prepare_seconds) in made.map_err(|e| e.in_file(&pair.input))? {
+            report.add(&Tally { prepare_seconds, ..Tally::default() });
+            collected.trees.push(trees);
+        }
+        if store.makes() {
+            for (trees, feature) in collected.trees.iter().zip(&collected.features) {
+                store.push(&trees.record(&feature.geometry, rule.measure))?;
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,482 @@
+//! Features as a coverage, square by square: what does not fit into memory is sorted into squares
+//! first, and what is kept is put together again as the features are read once more.
+//!
+//! Up to `SQUARE` (2^20) vertices are one square. Where all files have more, a first pass counts vertices
+//! by the cells of a grid, a quadtree is divided until no square has more, and each part is cut into
+//! runs, where a segment goes from one square to another. What is kept of a square is a bit by vertex, in
+//! the order in which the input comes by them: the features are read once more, each part is cut again,
+//! takes the next bits of its squares, and is written. Features are held in memory instead where there is
+//! room, and read anew where there is not: the bytes are the same, as squares follow from the vertices
+//! alone.
+//!
+//! Of rings that cross themselves the sign is looked at before anything appears; one that has turned over
+//! is kept whole, and its squares are done again. So is an outer ring that would be dropped while one of
+//! its holes would not. Such rings do not collapse either: whatever the policy says, they keep the
+//! vertices at the borders that they cross.
+//!
+//! **Why segments that cross over stay**, and are not simplified in a second round over the borders: a
+//! second round would need its own squares around the borders, and a third around their corners. A square
+//! has so many vertices that those at its border are few: of the coastlines' 10.6 million vertices, 893
+//! more are kept than without squares, beside 1.07 million.
+//!
+//! **Why the number of vertices of a square is fixed** and does not follow the memory: what comes out
+//! depends on it.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use super::Whole;
+use super::gaps::Gaps;
+use super::input::Input;
+use super::kept::Kept;
+use super::left::{Cutting, Left, Now, Parts};
+use super::moves::{self, Snapped};
+use super::spool::{self, Spool, by_square};
+use super::square::{Flat, How, KEPT_VERTEX, MOST_PAIRS, Rounding, Solved, VERTEX, World, solve};
+use super::trial::{Leaves, Wanted};
+use crate::files::Files;
+use crate::part::check;
+use crate::tool::Rule;
+use crate::{LineJob, LineReport, Measure, Topology};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::plane;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::disk;
+use terrane_engine::memory::short;
+use terrane_engine::workers;
+use terrane_files::lock;
+use terrane_line::Xy;
+use terrane_line::squares::{Place, Squares};
+use terrane_line::topology::{Collapse, conflict};
+use terrane_vector::{self as vector, OpenOptions};
+
+/// Bytes for each segment that comes by a square.
+const OBSTACLE: u64 = 320;
+/// Bytes that are in use beside features, squares, and what waits for its square: the program, the census,
+/// and the buffers of sinks.
+const REST: u64 = 24 << 20;
+
+/// What is left of `memory` for features, squares, and what waits for them.
+pub(super) fn beside(memory: u64) -> u64 {
+    memory.saturating_sub(REST)
+}
+
+/// A job on all features.
+pub(super) struct Cover<'a> {
+    pub(super) job: &'a LineJob,
+    pub(super) files: &'a Files,
+    pub(super) topology: &'a Topology,
+    pub(super) rule: &'a Rule,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl Cover<'_> {
+    /// Simplifies all features together and writes them; unless something else is wanted: then tells what
+    /// came.
+    pub(super) fn run(
+        &self,
+        input: &mut Input<'_>,
+        wanted: Option<&Wanted>,
+        report: &mut LineReport,
+    ) -> Result<Option<u64>> {
+        self.snap(input)?;
+        let squares = self.squares(input)?;
+        let mut whole = Parts::new();
+        loop {
+            let bits = || Kept::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
+            let (kept, rounded) = (bits(), self.job.decimals.map(|_| bits()));
+            let (squares, rounded) = (&squares, rounded.as_ref());
+            let now = Now { squares, whole: &whole, kept: &kept, rounded };
+            let total = self.solve_all(input, &now, report)?;
+            // A file that is written cannot be taken back.
+            let may_turn = squares.count() > 1 || self.rule.collapse == Collapse::Drop;
+            if wanted.is_some() || (input.all.len() > 1 && may_turn) {
+                let left = self.look(input, &now)?;
+                if !left.turned.is_empty() {
+                    whole.extend(left.turned);
+                    continue;
+                }
+                let unwanted = match wanted {
+                    Some(wanted) => {
+                        let mut leaves = self.left(now);
+                        self.whole().unwanted(input, wanted, left.vertices, &mut leaves)?
+                    }
+                    None => None,
+                };
+                if unwanted.is_some() {
+                    return Ok(unwanted);
+                }
+            }
+            let notes = self.notes(input, &total)?;
+            let turned = self.write(input, &now, report)?;
+            if turned.is_empty() {
+                report.notes.extend(notes);
+                return Ok(None);
+            }
+            whole.extend(turned);
+        }
+    }
+
+    fn whole(&self) -> Whole<'_> {
+        let &Self { job, files, progress, cancel, .. } = self;
+        Whole { job, files, progress, cancel }
+    }
+
+    fn memory(&self) -> u64 {
+        self.job.resources.memory
+    }
+
+    /// Bytes beside features and squares: bits by vertex, where vertices are moved to (from before they are
+    /// moved), and the rest.
+    fn others(&self, input: &Input<'_>) -> u64 {
+        let moved = match self.topology.snap > 0.0 {
+            true => (input.vertices * size_of::<Xy>() as u64).min(moves::most_held(self.memory())),
+            false => 0,
+        };
+        self.bits(input) + moved + REST
+    }
+
+    /// Bytes of what is known of each vertex: whether it is kept, and rounded.
+    fn bits(&self, input: &Input<'_>) -> u64 {
+        input.vertices / 8 * (1 + u64::from(self.job.decimals.is_some()))
+    }
+
+    /// There is too little memory. Told is what is enough for a square that takes `square` bytes, whatever
+    /// is kept of it: features are held as long as they take no more than half, and so much of the rest
+    /// waits for its square.
+    fn too_little(&self, input: &Input<'_>, square: u64) -> Error {
+        let rest = square + self.others(input);
+        let needed = rest + input.bytes.min(rest);
+        let mib = ((needed + needed / 7) >> 20) + 1;
+        let message = format!("neighbours are looked at in memory, which takes {mib} MiB");
+        let error = short(message, mib << 20).or("leave ‹topology› out");
+        error.in_file(&self.files.pairs[0].input)
+    }
+
+    /// Where what does not fit into memory goes: beside the output unless told otherwise.
+    fn folder(&self) -> PathBuf {
+        let beside = || {
+            let mut folders = self.job.output.ancestors().skip(1);
+            let found = folders.find(|folder| folder.is_dir());
+            found.unwrap_or(Path::new(".")).to_path_buf()
+        };
+        self.job.resources.temp_dir.clone().unwrap_or_else(beside)
+    }
+
+    /// Divides space so that a square fits into the memory, beside the features or without them.
+    fn squares(&self, input: &mut Input<'_>) -> Result<Squares> {
+        let most = self.topology.square.clamp(1, spool::MOST);
+        let mut squares = Squares::new(&input.seen.census, most)?;
+        while let Some(mut finer) = squares.finer() {
+            input.visit_all(self.cancel, |feature| {
+                feature.geometry.parts().for_each(|part| finer.add(part.xy));
+                Ok(())
+            })?;
+            squares = Squares::refined(finer, &squares)?;
+        }
+        let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
+        let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
+        if input.held().is_some_and(|held| held + needed > self.memory()) {
+            input.release();
+        }
+        if needed > self.memory() {
+            return Err(self.too_little(input, largest.unwrap_or(0) * KEPT_VERTEX));
+        }
+        Ok(squares)
+    }
+
+    /// Makes vertices one that are nearly so, in all features.
+    fn snap(&self, input: &mut Input<'_>) -> Result<()> {
+        if self.topology.snap == 0.0 || input.moves.snapped.is_some() {
+            return Ok(());
+        }
+        let squares = self.squares(input)?;
+        let folder = self.folder();
+        let room = (&*folder, self.memory());
+        let snapped = Snapped::new(input, squares, self.topology.snap, room, self.cancel)?;
+        input.snap(snapped, self.cancel)
+    }
+
+    /// What users have to know of the input, which is read again for it: before anything is written.
+    fn notes(&self, input: &mut Input<'_>, total: &Total) -> Result<Vec<String>> {
+        let mut notes: Vec<String> = total.gaps.note().into_iter().collect();
+        let pairs = self.made_by_moving(input, &total.pairs)?;
+        let harm = [
+            (pairs, "pairs of segments cross, touch or overlap"),
+            (input.seen.harm.rings, "rings turn over or lose their area"),
+            (input.seen.harm.touching, "features have rings that touch themselves or each other"),
+        ];
+        let told = harm.iter().filter(|(count, _)| *count > 0);
+        let told: Vec<_> = told.map(|(count, what)| format!("{count} {what}")).collect();
+        let snap = self.topology.snap;
+        if !told.is_empty() {
+            let told = told.join(", ");
+            notes.push(format!(
+                "with ‹snap› {snap:?}, {told} that did not before; pass a smaller ‹snap›"
+            ));
+        }
+        let (looked, all) = (total.pairs.len() as u64, total.crossings);
+        if snap > 0.0 && looked < all {
+            notes.push(format!(
+                "{all} pairs of segments meet; whether they did before ‹snap› {snap:?} is known of \
+                 {looked} only"
+            ));
+        }
+        if let Some(decimals) = self.job.decimals.filter(|_| total.unrounded > 0) {
+            notes.push(format!(
+                "{} vertices keep their digits: rounded to {decimals} decimals they would make lines \
+                 touch, cross or change sides, or lie at the border of a square",
+                total.unrounded
+            ));
+        }
+        Ok(notes)
+    }
+
+    /// How many of these pairs of segments, which meet, are of some that did not before their vertices were
+    /// moved.
+    fn made_by_moving(&self, input: &mut Input<'_>, pairs: &[[[Xy; 2]; 2]]) -> Result<u64> {
+        if pairs.is_empty() || input.moves.is_none() {
+            return Ok(0);
+        }
+        let key = |segment: &[Xy; 2]| {
+            let [a, b] = segment.map(plane::key);
+            [a.min(b), a.max(b)]
+        };
+        let mut old: HashMap<_, Vec<[Xy; 2]>> =
+            pairs.iter().flatten().map(|segment| (key(segment), Vec::new())).collect();
+        input.visit_moves(self.cancel, |before, after| {
+            for (from, to) in before.parts().zip(after.parts()) {
+                for (from, to) in from.xy.windows(2).zip(to.xy.windows(2)) {
+                    if let Some(all) = old.get_mut(&key(&[to[0], to[1]])) {
+                        all.push([from[0], from[1]]);
+                    }
+                }
+            }
+            Ok(())
+        })?;
+        let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
+        // Segments that have become one were several: some may have met the other one, and some not.
+        let was_apart = |[s, t]: &&[[Xy; 2]; 2]| {
+            old(s).iter().any(|s| old(t).iter().any(|t| !conflict(*s, *t)))
+        };
+        Ok(pairs.iter().filter(was_apart).count() as u64)
+    }
+
+    /// Finds out what is kept of all squares.
+    fn solve_all(
+        &self,
+        input: &mut Input<'_>,
+        now: &Now<'_>,
+        report: &mut LineReport,
+    ) -> Result<Total> {
+        let squares = now.squares;
+        let sides = match &self.topology.sides {
+            Some(path) => by_square(positions(path, &OpenOptions::default())?, squares),
+            None => Vec::new(),
+        };
+        self.progress.begin("simplify", squares.count() as u64);
+        let total = Mutex::new(Total::default());
+        let solve_one = |square: usize, mut world: World, room: u64| {
+            let own = sides.partition_point(|(other, _)| (*other as usize) < square);
+            let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
+            world.sides = own.map(|(_, at)| *at).collect();
+            let place = Mutex::new(Place::default());
+            let holds = |at: Xy| {
+                squares.count() == 1 || squares.of(at, &mut lock(&place)) == Some(square as u32)
+            };
+            let rounding = self.job.decimals.map(|decimals| Rounding { decimals, holds: &holds });
+            let how = How { strategy: self.topology.strategy, rule: self.rule, rounding };
+            let solved = solve(&world, &how, room, self.cancel)?;
+            now.kept.set(square, &solved.bits)?;
+            now.rounded.map_or(Ok(()), |rounded| rounded.set(square, &solved.rounded))?;
+            lock(&total).add(&solved, square, squares);
+            self.progress.advance(1);
+            Ok(())
+        };
+        let solved = if squares.count() == 1 && input.held().is_some() {
+            solve_one(0, self.flat(input, now)?, self.room(input))
+        } else {
+            let spool = self.spool(input, now)?;
+            self.solve_spooled(input, squares, &spool, solve_one)
+        };
+        solved.map_err(|e| match e.kind() {
+            ErrorKind::Resource => self.too_little(input, self.most_bytes(squares)),
+            _ => e,
+        })?;
+        self.progress.end();
+        let total = total.into_inner().unwrap_or_default();
+        report.arcs = total.arcs;
+        report.refined = total.refined;
+        report.input_crossings = total.crossings;
+        report.collapsed = total.collapsed;
+        report.unrounded = total.unrounded;
+        report.largest_distance = total.square.sqrt();
+        Ok(total)
+    }
+
+    /// All parts as they are held, as one square.
+    fn flat(&self, input: &mut Input<'_>, now: &Now<'_>) -> Result<World> {
+        let mut flat = Flat::default();
+        input.visit_all(self.cancel, |feature| {
+            feature.geometry.parts().try_for_each(|part| {
+                check(&part, self.rule)?;
+                flat.points.extend_from_slice(part.xy);
+                if self.rule.measure == Measure::Space {
+                    flat.z.extend_from_slice(part.z);
+                }
+                flat.end_part(part.xy.len(), part.is_ring());
+                Ok(())
+            })
+        })?;
+        // There are as many as fit into one square.
+        let whole = now.whole.iter().map(|part| *part as u32).collect();
+        Ok(World { flat, whole, ..World::default() })
+    }
+
+    /// Bytes of the square that takes most, if all of its vertices are kept.
+    fn most_bytes(&self, squares: &Squares) -> u64 {
+        let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
+        sizes.max().unwrap_or(0)
+    }
+
+    /// Memory for squares that are worked on and for what waits for them.
+    fn room(&self, input: &Input<'_>) -> u64 {
+        let held = input.held().unwrap_or(0) + input.moves.held();
+        beside(self.memory()).saturating_sub(held + self.bits(input))
+    }
+
+    /// Sorts all parts into squares.
+    fn spool<'s>(&self, input: &mut Input<'_>, now: &Now<'s>) -> Result<Spool<'s>> {
+        let squares = now.squares;
+        let has_z = self.rule.measure == Measure::Space;
+        let (room, largest) = (self.room(input), self.most_bytes(squares));
+        let workers = self.workers(room / 8 * 7, largest) as u64;
+        let memory = room.saturating_sub(workers * largest).max(beside(self.memory()) / 8);
+        let bytes = input.vertices * if has_z { 24 } else { 16 };
+        if bytes > memory {
+            disk::check(&self.folder(), bytes)?;
+        }
+        let mut spool = Spool::new(squares, has_z, &self.folder(), memory);
+        let mut parts = Cutting::new(squares);
+        input.visit_all(self.cancel, |feature| {
+            feature.geometry.parts().try_for_each(|part| {
+                check(&part, self.rule)?;
+                let number = parts.cut(&part);
+                spool.push(&part, &parts.runs, now.whole.contains(&number))
+            })
+        })?;
+        Ok(spool)
+    }
+
+    fn workers(&self, room: u64, largest: u64) -> usize {
+        let fitting = usize::try_from(room / largest.max(1)).unwrap_or(usize::MAX);
+        self.job.resources.threads.min(fitting).max(1)
+    }
+
+    /// Squares by so many threads as have room, those that take longest first.
+    fn solve_spooled(
+        &self,
+        input: &Input<'_>,
+        squares: &Squares,
+        spool: &Spool<'_>,
+        solve_one: impl Fn(usize, World, u64) -> Result<()> + Sync,
+    ) -> Result<()> {
+        let obstacles = |square: usize| spool.obstacles(square) * OBSTACLE;
+        let size = |square: usize| squares.vertices(square) * KEPT_VERTEX + obstacles(square);
+        let mut order: Vec<_> = (0..squares.count()).collect();
+        order.sort_by_key(|square| (std::cmp::Reverse(size(*square)), *square));
+        let largest = order.first().map_or(0, |square| size(*square));
+        let least =
+            order.iter().map(|square| squares.vertices(*square) * VERTEX + obstacles(*square));
+        let room = self.room(input).saturating_sub(spool.held());
+        if least.max().unwrap_or(0) > room {
+            return Err(self.too_little(input, largest));
+        }
+        let threads = self.workers(room, largest);
+        let each = room / threads as u64;
+        let work = |(): &mut (), unit: u64| {
+            let square = order[unit as usize];
+            solve_one(square, spool.take(square)?, each.saturating_sub(obstacles(square)))
+        };
+        workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
+    }
+
+    /// What is left of all features, from the first one on.
+    fn left<'k>(&self, now: Now<'k>) -> Left<'k> {
+        Left::new(now, self.rule.collapse, self.job.decimals)
+    }
+
+    /// Looks at what is left of all features.
+    fn look<'k>(&self, input: &mut Input<'_>, now: &Now<'k>) -> Result<Left<'k>> {
+        let mut left = self.left(*now);
+        input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
+        Ok(left)
+    }
+
+    /// Writes all features with what is kept of them; or, if rings have to stay whole that do not, which
+    /// they are, and nothing is written.
+    fn write(
+        &self,
+        input: &mut Input<'_>,
+        now: &Now<'_>,
+        report: &mut LineReport,
+    ) -> Result<Parts> {
+        let mut left = self.left(*now);
+        let written = self.whole().write(input, &mut left, None)?;
+        self.whole().note(input, written, report);
+        (report.features, report.parts) = (left.features, left.parts.number);
+        (report.vertices, report.kept) = (input.vertices, left.vertices);
+        Ok(left.turned)
+    }
+}
+
+/// Sums over squares.
+#[derive(Debug, Default)]
+struct Total {
+    arcs: u64,
+    refined: u64,
+    crossings: u64,
+    collapsed: u64,
+    unrounded: u64,
+    square: f64,
+    /// Some of the pairs of segments that meet.
+    pairs: Vec<[[Xy; 2]; 2]>,
+    gaps: Gaps,
+}
+
+impl Total {
+    fn add(&mut self, solved: &Solved, square: usize, squares: &Squares) {
+        self.arcs += solved.arcs;
+        self.refined += solved.refined;
+        self.collapsed += solved.collapsed;
+        self.unrounded += solved.unrounded;
+        self.square = self.square.max(solved.square);
+        // Segments that meet come by a square together, maybe by several: the first one counts them.
+        let mut near = [Vec::new(), Vec::new()];
+        let is_own = |pair: &&[[Xy; 2]; 2]| {
+            (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));
+            let first = near[0].iter().find(|other| near[1].binary_search(other).is_ok());
+            first == Some(&(square as u32))
+        };
+        let meeting: Vec<_> = solved.meeting.iter().filter(is_own).copied().collect();
+        self.crossings += solved.crossings + meeting.len() as u64;
+        self.gaps.merge(&solved.gaps);
+        meeting.iter().for_each(|pair| self.gaps.add(*pair));
+        let most = MOST_PAIRS.div_ceil(squares.count());
+        self.pairs.extend(solved.pairs.iter().chain(&meeting).take(most));
+    }
+}
+
+/// The points of a file, wherever they are in it.
+pub fn positions(path: &Path, options: &OpenOptions) -> Result<Vec<Xy>> {
+    let mut source = vector::open(path, options)?;
+    let mut all = Vec::new();
+    while let Some(feature) = source.next()? {
+        let points = feature.geometry.leaves().filter(|leaf| leaf.kind().is_points());
+        points.for_each(|leaf| all.extend_from_slice(&leaf.coordinates().xy));
+    }
+    Ok(all)
+}

@@ -1,0 +1,250 @@
+//! The features of all files: in memory where they fit, else read anew each time.
+
+use super::moves::{Harm, Moves, Snapped};
+use super::room;
+use crate::LineJob;
+use crate::files::{Files, Pair};
+use crate::stored::{Order, Store};
+use crate::trees::Trees;
+use terrane_base::error::Result;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::memory::short;
+use terrane_line::squares::Census;
+use terrane_vector::{Feature, Geometry, Layer, Member};
+
+/// Bytes for each feature beside its vertices, about.
+const FEATURE: u64 = 400;
+/// Bytes for each vertex of which there is a hierarchy.
+const SPLIT: u64 = 24;
+
+/// A file that has been read.
+pub(super) struct Collected {
+    /// What it says of itself at its beginning.
+    pub(super) layer: Layer,
+    /// And after its features.
+    pub(super) foreign: Vec<Member>,
+    pub(super) notes: Vec<String>,
+    /// Its features, if they are held.
+    pub(super) features: Vec<Feature>,
+    /// How each of them is simplified, and where it was, until hierarchies are made.
+    pub(super) orders: Vec<(Order, String)>,
+    /// The hierarchies of each; none without `--hierarchy`.
+    pub(super) trees: Vec<Trees>,
+}
+
+/// What is known of all features where they are moved to.
+#[derive(Default)]
+pub(super) struct Seen {
+    /// Where they are.
+    pub(super) census: Census,
+    /// What moving has done.
+    pub(super) harm: Harm,
+}
+
+impl Seen {
+    fn add(&mut self, before: &Geometry, moved: Option<&Geometry>) -> Result<()> {
+        if let Some(after) = moved {
+            self.harm.add(before, after);
+        }
+        let now = moved.unwrap_or(before);
+        now.parts().try_for_each(|part| self.census.add(part.xy))
+    }
+}
+
+/// All files of a job.
+pub(super) struct Input<'a> {
+    job: &'a LineJob,
+    files: &'a Files,
+    pub(super) all: Vec<Collected>,
+    pub(super) vertices: u64,
+    /// Where they go when they are shown.
+    pub(super) moves: Moves,
+    /// What is known of them then.
+    pub(super) seen: Seen,
+    /// Bytes that all features take when they are held.
+    pub(super) bytes: u64,
+    /// Whether they are.
+    is_held: bool,
+}
+
+impl<'a> Input<'a> {
+    /// Reads all files and holds their features as long as they take no more than `most` bytes.
+    pub(super) fn read(
+        job: &'a LineJob,
+        files: &'a Files,
+        most: u64,
+        store: &mut Store,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let mut input = Self {
+            job,
+            files,
+            all: Vec::new(),
+            vertices: 0,
+            moves: Moves::default(),
+            seen: Seen::default(),
+            bytes: 0,
+            is_held: true,
+        };
+        progress.begin("read", files.pairs.len() as u64);
+        for pair in &files.pairs {
+            input.collect(pair, most, store, cancel)?;
+            progress.advance(1);
+        }
+        progress.end();
+        Ok(input)
+    }
+
+    fn collect(
+        &mut self,
+        pair: &Pair,
+        most: u64,
+        store: &mut Store,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let mut source = pair.open(self.job)?;
+        let layer = source.layer().clone();
+        self.all.push(Collected {
+            layer,
+            foreign: Vec::new(),
+            notes: Vec::new(),
+            features: Vec::new(),
+            orders: Vec::new(),
+            trees: Vec::new(),
+        });
+        while let Some(feature) = source.next()? {
+            cancel.check()?;
+            let own = bytes(&feature.geometry);
+            self.look(&feature, own).map_err(|e| e.at(source.place()).in_file(&pair.input))?;
+            let split =
+                if store.is_some() { SPLIT * feature.geometry.vertices() as u64 } else { 0 };
+            let more = own + split + FEATURE;
+            self.bytes += more;
+            match self.all.last_mut() {
+                Some(last) if self.is_held && self.bytes <= most => {
+                    if store.is_some() {
+                        last.orders.push((store.next(&feature.geometry)?, source.place()));
+                    }
+                    last.features.push(feature);
+                }
+                _ => self.release(),
+            }
+        }
+        if let Some(last) = self.all.last_mut() {
+            last.foreign = source.layer().foreign.clone();
+            last.notes = source.notes();
+        }
+        Ok(())
+    }
+
+    fn look(&mut self, feature: &Feature, bytes: u64) -> Result<()> {
+        // One that is moved is there twice, with what is looked at of both.
+        let topology = self.job.topology.as_ref();
+        let moves = topology.is_some_and(|t| t.snap > 0.0 || self.job.decimals.is_some());
+        let copies = if moves { 4 } else { 2 };
+        let room = room(self.job);
+        if bytes > room / copies {
+            let count = feature.geometry.vertices();
+            let message = format!("a feature of {count} vertices is more than memory holds");
+            return Err(short(message, copies * bytes + self.job.resources.memory - room));
+        }
+        self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
+        if self.job.topology.is_none() {
+            return Ok(());
+        }
+        let moved = self.moves.apply(&feature.geometry)?;
+        self.seen.add(&feature.geometry, moved.as_ref())
+    }
+
+    /// From now on shows features snapped.
+    pub(super) fn snap(&mut self, snapped: Snapped, cancel: &Cancel) -> Result<()> {
+        self.moves = Moves { snapped: Some(snapped) };
+        let mut seen = Seen::default();
+        self.visit_moves(cancel, |before, after| seen.add(before, Some(after)))?;
+        self.seen = seen;
+        Ok(())
+    }
+
+    /// Bytes of the features in memory; `None` when they are not held.
+    pub(super) fn held(&self) -> Option<u64> {
+        self.is_held.then_some(self.bytes)
+    }
+
+    /// Holds the features no longer.
+    pub(super) fn release(&mut self) {
+        self.is_held = false;
+        self.all.iter_mut().for_each(|file| file.features = Vec::new());
+    }
+
+    /// Shows all features of a file, moved, one after the other, and each geometry as it was if any of
+    /// them is moved; the files have to come in order. Held features may be changed.
+    fn show(
+        &mut self,
+        file: usize,
+        cancel: &Cancel,
+        mut each: impl FnMut(&mut Feature, Option<&Geometry>) -> Result<()>,
+    ) -> Result<()> {
+        let Self { job, files, all, moves, is_held, .. } = self;
+        if file == 0 {
+            moves.restart();
+        }
+        let pair = &files.pairs[file];
+        let mut show = |feature: &mut Feature| {
+            cancel.check()?;
+            let Some(moved) = moves.apply(&feature.geometry)? else { return each(feature, None) };
+            let before = std::mem::replace(&mut feature.geometry, moved);
+            let shown = each(feature, Some(&before));
+            feature.geometry = before;
+            shown
+        };
+        if *is_held {
+            let mut features = all[file].features.iter_mut();
+            return features
+                .try_for_each(|feature| show(feature).map_err(|e| e.in_file(&pair.input)));
+        }
+        let mut source = pair.open(job)?;
+        while let Some(mut feature) = source.next()? {
+            show(&mut feature).map_err(|e| e.at(source.place()).in_file(&pair.input))?;
+        }
+        Ok(())
+    }
+
+    /// Shows all features of a file where they are moved to. The files have to come in order.
+    pub(super) fn visit(
+        &mut self,
+        file: usize,
+        cancel: &Cancel,
+        mut each: impl FnMut(&mut Feature) -> Result<()>,
+    ) -> Result<()> {
+        self.show(file, cancel, |feature, _| each(feature))
+    }
+
+    /// Shows all features of all files where they are moved to.
+    pub(super) fn visit_all(
+        &mut self,
+        cancel: &Cancel,
+        mut each: impl FnMut(&mut Feature) -> Result<()>,
+    ) -> Result<()> {
+        (0..self.all.len()).try_for_each(|file| self.visit(file, cancel, &mut each))
+    }
+
+    /// Shows all geometries that are moved, before and after.
+    pub(super) fn visit_moves(
+        &mut self,
+        cancel: &Cancel,
+        mut each: impl FnMut(&Geometry, &Geometry) -> Result<()>,
+    ) -> Result<()> {
+        let mut pair = |feature: &mut Feature, before: Option<&Geometry>| {
+            before.map_or(Ok(()), |before| each(before, &feature.geometry))
+        };
+        (0..self.all.len()).try_for_each(|file| self.show(file, cancel, &mut pair))
+    }
+}
+
+/// Bytes of the coordinates.
+fn bytes(geometry: &Geometry) -> u64 {
+    let each = 16 + 8 * u64::from(geometry.has_z()) + 8 * u64::from(geometry.has_m());
+    geometry.vertices() as u64 * each
+}

@@ -1,0 +1,108 @@
+//! The threshold that meets a number of vertices, or a size of the files: judged by what is written.
+
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use super::Whole;
+use super::input::Input;
+use super::trial::Wanted;
+use crate::goal::Unit;
+use crate::seek::{Profile, Target, seek};
+use crate::tool::Rule;
+use crate::{LineReport, on_threads, trees};
+use terrane_base::error::{Error, Result};
+use terrane_files::lock;
+use terrane_line::topology::Collapse;
+use terrane_vector::{Feature, Part};
+
+/// Meets a goal of so many vertices or bytes.
+pub(super) fn run(
+    whole: &Whole<'_>,
+    input: &mut Input<'_>,
+    (most, unit): (u64, Unit),
+    report: &mut LineReport,
+) -> Result<()> {
+    let job = whole.job;
+    let rule = whole.files.rule(job, 0.0)?;
+    let is_area = job.method.bounds.weight().is_some();
+    let (profile, extent) = profile(whole, input, &rule)?;
+    let all = match unit {
+        Unit::Vertices => profile.total as f64,
+        Unit::Bytes => whole.files.pairs.iter().map(|pair| pair.size() as f64).sum(),
+    };
+    let largest = (4.0 * extent).max(f64::MIN_POSITIVE);
+    let dial = profile.dial(if is_area { largest * largest } else { largest }, is_area);
+    let left = seek(&Target { most, all }, &dial, |threshold, range| {
+        whole.cancel.check()?;
+        let rule = Rule { threshold, ..rule };
+        let left = whole.make(input, &rule, Some(&Wanted { unit, range }), report)?;
+        report.measured_by(&rule);
+        Ok(left)
+    })?;
+    left.map_or(Ok(()), |least| Err(too_few(whole, (most, unit), least)))
+}
+
+fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
+    let what = match unit {
+        Unit::Vertices => "vertices",
+        Unit::Bytes => "bytes",
+    };
+    let others = match (whole.job.collapse, unit) {
+        (Collapse::Drop, Unit::Vertices) => "",
+        (Collapse::Drop, Unit::Bytes) => ", or fewer ‹decimals› in a text format",
+        (_, Unit::Vertices) => ", or pass ‹collapse› drop",
+        (_, Unit::Bytes) => ", or pass ‹collapse› drop, or fewer ‹decimals› in a text format",
+    };
+    let stays = match whole.job.topology {
+        Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",
+        None => "ends of lines and corners of the smallest rings",
+    };
+    let message = format!("so little cannot be met: {most} {what}; the least found is {least}");
+    Error::usage(format!("{message}, as {stays} stay"))
+        .in_file(&whole.files.pairs[0].input)
+        .remedy(format!("ask for {least} or more{others}"))
+}
+
+/// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box
+/// around all of them.
+fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Profile, f64)> {
+    // Thresholds of all sizes are asked for, so coordinates may be as small as they are.
+    let rule = &Rule { threshold: f64::MAX, ..*rule };
+    let state = Mutex::new((Profile::default(), None));
+    let add = |feature: &Feature, own: Option<&trees::Trees>| {
+        let thresholds = trees::thresholds(&feature.geometry, own, rule)?;
+        let mut state = lock(&state);
+        let (profile, bounds) = &mut *state;
+        thresholds.into_iter().for_each(|threshold| profile.add(threshold));
+        for part in feature.geometry.parts() {
+            profile.total += part.xy.len() as u64;
+            profile.fixed += stay(&part);
+        }
+        *bounds = [*bounds, feature.geometry.bounds()].into_iter().flatten().reduce(join);
+        whole.cancel.check()
+    };
+    match input.held() {
+        // Those that are moved are shown where they go, and have no hierarchies.
+        Some(_) if input.moves.is_none() => on_threads(whole.job.resources.threads, || {
+            whole.files.pairs.iter().zip(&input.all).try_for_each(|(pair, file)| {
+                let features = file.features.par_iter().enumerate();
+                let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
+                added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
+            })
+        })??,
+        _ => input.visit_all(whole.cancel, |feature| add(feature, None))?,
+    }
+    let (profile, bounds) = state.into_inner().unwrap_or_default();
+    let extent = bounds.map_or(0.0, |[w, s, e, n]: [f64; 4]| (e - w).max(n - s));
+    Ok((profile, extent))
+}
+
+/// Vertices of a part that stay at any threshold.
+fn stay(part: &Part<'_>) -> u64 {
+    part.xy.len().min(if part.is_ring() { 4 } else { 2 }) as u64
+}
+
+fn join(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
+}

@@ -1,0 +1,367 @@
+//! A square: its runs are cut into arcs where they meet, arcs are simplified once and untangled
+//! among the segments that come by, and what is left is found in the runs again.
+//!
+//! What is kept is mapped back to each part's own vertices, step by step along its arcs: attributes,
+//! heights and measures are never those of a neighbour, and a vertex that a part comes by twice is the
+//! right one of the two. A closed arc keeps the sign of its area by itself; a ring of several arcs that
+//! has turned over, as one that touches or crosses itself may, is kept whole, and its square done again.
+
+use super::gaps::Gaps;
+use super::kept;
+use super::own;
+use crate::part::chosen;
+use crate::tool::{Rule, Task, Tool, Vertex};
+use terrane_base::bits::BitSet;
+use terrane_base::error::Result;
+use terrane_base::geom::plane::key;
+use terrane_engine::Cancel;
+use terrane_line::arcs::Arcs;
+use terrane_line::topology::{
+    Chains, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining, round,
+    untangle_within,
+};
+use terrane_line::{Metric, Scratch, Xy};
+use terrane_vector::{self as vector, Kept};
+
+/// Most pairs of segments that are remembered, of those that meet.
+pub(super) const MOST_PAIRS: usize = 1 << 16;
+
+/// Lines and rings, flat.
+#[derive(Debug)]
+pub(super) struct Flat {
+    pub(super) points: Vec<Xy>,
+    /// Heights; empty where no distance asks for them.
+    pub(super) z: Vec<f64>,
+    starts: Vec<usize>,
+    pub(super) closed: Vec<bool>,
+}
+
+impl Default for Flat {
+    fn default() -> Self {
+        Self { points: Vec::new(), z: Vec::new(), starts: vec![0], closed: Vec::new() }
+    }
+}
+
+impl Flat {
+    /// Ends a part of `count` vertices.
+    pub(super) fn end_part(&mut self, count: usize, is_ring: bool) {
+        self.starts.push(self.starts[self.closed.len()] + count);
+        self.closed.push(is_ring);
+    }
+
+    fn chains(&self) -> Chains<'_> {
+        Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
+    }
+
+    fn part(&self, part: usize) -> &[Xy] {
+        &self.points[self.starts[part]..self.starts[part + 1]]
+    }
+}
+
+/// What a square holds.
+#[derive(Debug, Default)]
+pub(super) struct World {
+    /// Runs of parts, some of which are whole parts.
+    pub(super) flat: Flat,
+    /// Numbers of those that go on in other squares: both of their ends stay.
+    pub(super) cut: Vec<u32>,
+    /// Numbers of those of which all vertices stay.
+    pub(super) whole: Vec<u32>,
+    /// Segments that cross over, once each.
+    pub(super) obstacles: Vec<[Xy; 2]>,
+    /// Points that stay on their side.
+    pub(super) sides: Vec<Xy>,
+}
+
+/// What became of it.
+#[derive(Debug, Default)]
+pub(super) struct Solved {
+    /// The vertices that are kept.
+    pub(super) bits: BitSet,
+    /// Those of them that are rounded; of no length where none is to be.
+    pub(super) rounded: BitSet,
+    /// How many keep digits that they were not to keep.
+    pub(super) unrounded: u64,
+    pub(super) arcs: u64,
+    pub(super) refined: u64,
+    pub(super) collapsed: u64,
+    /// Pairs of segments that meet in the input and still do, but for pairs of obstacles.
+    pub(super) crossings: u64,
+    /// The first of these pairs.
+    pub(super) pairs: Vec<[[Xy; 2]; 2]>,
+    /// How near they come to share an end.
+    pub(super) gaps: Gaps,
+    /// Pairs of obstacles that meet.
+    pub(super) meeting: Vec<[[Xy; 2]; 2]>,
+    /// The largest squared distance.
+    pub(super) square: f64,
+}
+
+/// Bytes for each vertex of a square that is worked on, beside what becomes of those that are kept: itself,
+/// its arc, and the vertex in its metric.
+pub(super) const VERTEX: u64 = 112;
+/// Bytes for each vertex where all of them are kept.
+pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
+
+/// How what is kept is rounded.
+pub(super) struct Rounding<'a> {
+    /// Digits behind the point.
+    pub(super) decimals: u8,
+    /// Whether a position is in the square: vertices do not leave it.
+    pub(super) holds: &'a dyn Fn(Xy) -> bool,
+}
+
+/// How a square is simplified.
+pub(super) struct How<'a> {
+    pub(super) strategy: Strategy,
+    pub(super) rule: &'a Rule,
+    pub(super) rounding: Option<Rounding<'a>>,
+}
+
+/// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
+/// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
+pub(super) fn solve(world: &World, how: &How<'_>, room: u64, cancel: &Cancel) -> Result<Solved> {
+    let &How { strategy, rule, .. } = how;
+    let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
+    let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
+    let mut whole = world.whole.clone();
+    loop {
+        cancel.check()?;
+        let arcs = with_obstacles(world)?;
+        let made =
+            rule.apply(Together { arcs, world, whole: &whole, strategy, rule, pieces, cancel })?;
+        let mut solved = made.solved(world);
+        let spoiled = made.own_bits(world, &whole, rule, &mut solved.bits);
+        if spoiled.is_empty() {
+            if let Some(rounding) = &how.rounding {
+                made.round(world, rounding, &mut solved, cancel)?;
+            }
+            return Ok(solved);
+        }
+        whole.extend(spoiled);
+        whole.sort_unstable();
+    }
+}
+
+/// The arcs of all runs, and each obstacle as one more.
+fn with_obstacles(world: &World) -> Result<Arcs> {
+    let mut arcs = Arcs::new(&world.flat.chains(), 0.0)?;
+    for segment in &world.obstacles {
+        arcs.points.extend(segment);
+        // Without heights: nothing of it is left out.
+        arcs.sources.extend([0, 0]);
+        arcs.starts.push(arcs.points.len());
+        arcs.closed.push(false);
+        arcs.free.push(false);
+    }
+    Ok(arcs)
+}
+
+/// Arcs to be simplified together.
+struct Together<'a> {
+    arcs: Arcs,
+    world: &'a World,
+    /// Numbers of the runs of which all vertices stay, ascending.
+    whole: &'a [u32],
+    strategy: Strategy,
+    rule: &'a Rule,
+    /// Most pieces that there is room for.
+    pieces: usize,
+    cancel: &'a Cancel,
+}
+
+/// What became of them.
+struct Made {
+    arcs: Arcs,
+    outcome: Outcome,
+    /// The largest squared distance.
+    square: f64,
+}
+
+impl Made {
+    /// What there is to tell of it.
+    fn solved(&self, world: &World) -> Solved {
+        let own = self.arcs.closed.len() - world.obstacles.len();
+        let first = self.arcs.starts[own] as u32;
+        let segment = |from: u32| [0, 1].map(|k| self.arcs.points[from as usize + k]);
+        let mut solved = Solved {
+            arcs: own as u64,
+            refined: self.outcome.refined,
+            collapsed: self.outcome.collapsed,
+            square: self.square,
+            ..Solved::default()
+        };
+        for pair in &self.outcome.crossings {
+            let segments = pair.map(segment);
+            if pair.iter().all(|from| *from >= first) {
+                solved.meeting.push(segments);
+                continue;
+            }
+            solved.crossings += 1;
+            solved.gaps.add(segments);
+            if solved.pairs.len() < MOST_PAIRS {
+                solved.pairs.push(segments);
+            }
+        }
+        solved
+    }
+
+    /// Sets the bits of what is kept of all runs; returns the rings that have to stay whole and do not.
+    fn own_bits(&self, world: &World, whole: &[u32], rule: &Rule, bits: &mut BitSet) -> Vec<u32> {
+        let flat = &world.flat;
+        *bits = BitSet::new(flat.points.len());
+        let (mut left, mut spoiled) = (Vec::new(), Vec::new());
+        for run in 0..flat.closed.len() {
+            let (points, is_ring) = (flat.part(run), flat.closed[run]);
+            self.arcs.own(run, points, is_ring, &self.outcome.kept, &mut left);
+            let kept = match is_ring {
+                // Vertices that arcs leave out, too: those that repeat the one before them.
+                _ if rule.keeps_everything() => Some(Kept::All),
+                true if whole.binary_search(&(run as u32)).is_ok() => Some(Kept::All),
+                true => own::ring(points, &left, rule.collapse),
+                false => Some(chosen(&left)),
+            };
+            match kept {
+                Some(kept) => kept::add(bits, &kept, flat.starts[run], points.len()),
+                None => spoiled.push(run as u32),
+            }
+        }
+        spoiled
+    }
+}
+
+impl Made {
+    /// Sets the bits of what is rounded. The ends of segments that cross over stay.
+    fn round(
+        &self,
+        world: &World,
+        rounding: &Rounding<'_>,
+        solved: &mut Solved,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let mut fixed: Vec<_> = world.obstacles.as_flattened().iter().map(|at| key(*at)).collect();
+        fixed.sort_unstable();
+        let wanted = |at: Xy| at.map(|c| vector::rounded(c, rounding.decimals));
+        let place = |at: Xy| {
+            let to = wanted(at);
+            let stays = !(rounding.holds)(to) || fixed.binary_search(&key(at)).is_ok();
+            if stays { at } else { to }
+        };
+        let (arcs, kept) = (self.arcs.chains(), &self.outcome.kept);
+        let rounded = round(&arcs, kept, &world.sides, place, Some(cancel))?;
+        solved.rounded = BitSet::new(world.flat.points.len());
+        for (run, is_ring) in world.flat.closed.iter().enumerate() {
+            let own = world.flat.starts[run]..world.flat.starts[run + 1];
+            let last = own.end - 1;
+            for vertex in own.filter(|vertex| solved.bits.contains(*vertex)) {
+                let at = world.flat.points[vertex];
+                let is_wanted = rounded.of(at) == wanted(at);
+                if is_wanted {
+                    solved.rounded.insert(vertex);
+                }
+                let is_again = *is_ring && vertex == last;
+                solved.unrounded += u64::from(!is_wanted && !is_again);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Task for Together<'_> {
+    type Output = Result<Made>;
+
+    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> Result<Made> {
+        let mut scratch = Scratch::default();
+        let kept = self.plain(tool, &mut scratch);
+        let vertices = self.vertices::<V>();
+        let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
+        let loops = self.loops();
+        let Rule { collapse, .. } = *self.rule;
+        let options =
+            Options { strategy: self.strategy, collapse, loops: &loops, cancel: Some(self.cancel) };
+        let (chains, sides) = (self.arcs.chains(), &self.world.sides);
+        let refine = &mut refining(&vertices, run);
+        let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
+        let square = largest(tool, &vertices, &outcome.kept);
+        Ok(Made { arcs: self.arcs, outcome, square })
+    }
+}
+
+impl Together<'_> {
+    /// What the method keeps of each arc by itself. Rings without a junction are opened at a vertex that
+    /// is kept; of one that collapsed it is only that vertex.
+    fn plain<V: Vertex, M: Metric<V> + Copy>(
+        &mut self,
+        tool: &Tool<V, M>,
+        scratch: &mut Scratch,
+    ) -> Chosen {
+        let mut all = Chosen::new();
+        let whole = self.whole();
+        let (mut points, mut kept) = (Vec::new(), Vec::new());
+        for arc in 0..self.arcs.closed.len() {
+            let range = self.arcs.starts[arc]..self.arcs.starts[arc + 1];
+            points.clear();
+            points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
+            kept.clear();
+            match self.arcs.free[arc] {
+                _ if self.rule.keeps_everything() => kept.extend(0..points.len() as u32),
+                _ if whole.binary_search(&arc).is_ok() => kept.extend(0..points.len() as u32),
+                false => tool.open(&points, &mut tool.method(), scratch, &mut kept),
+                true => {
+                    if tool.whole_ring(&points, &mut tool.method(), scratch, &mut kept) {
+                        kept.truncate(1);
+                    }
+                    let at = kept.first().copied().unwrap_or(0);
+                    self.arcs.open_at(arc, at as usize);
+                    kept.iter_mut().for_each(|vertex| *vertex -= at);
+                    kept.push(points.len() as u32 - 1);
+                }
+            }
+            all.vertices.extend(kept.iter().map(|vertex| vertex + range.start as u32));
+            all.close();
+        }
+        all
+    }
+
+    /// The arcs of runs that stay whole, ascending.
+    fn whole(&self) -> Vec<usize> {
+        let mut arcs: Vec<_> =
+            self.whole.iter().flat_map(|run| self.arcs_of(*run as usize)).collect();
+        arcs.sort_unstable();
+        arcs.dedup();
+        arcs
+    }
+
+    /// The arcs that a run passes.
+    fn arcs_of(&self, run: usize) -> impl Iterator<Item = usize> {
+        let passages = self.arcs.parts[run]..self.arcs.parts[run + 1];
+        self.arcs.passages[passages].iter().map(|passage| passage.arc())
+    }
+
+    /// Which arcs are but loops of a run: of a line, or of a ring that touches itself.
+    fn loops(&self) -> Vec<bool> {
+        let mut loops = vec![false; self.arcs.closed.len()];
+        for (run, is_ring) in self.world.flat.closed.iter().enumerate() {
+            let first = self.arcs_of(run).next();
+            if !is_ring || self.arcs_of(run).any(|arc| Some(arc) != first) {
+                self.arcs_of(run).for_each(|arc| loops[arc] = true);
+            }
+        }
+        loops
+    }
+
+    fn vertex<V: Vertex>(&self, vertex: usize) -> V {
+        let source = self.arcs.sources[vertex] as usize;
+        V::of(self.arcs.points[vertex], self.world.flat.z.get(source).copied().unwrap_or(0.0))
+    }
+
+    fn vertices<V: Vertex>(&self) -> Vec<V> {
+        (0..self.arcs.points.len()).map(|vertex| self.vertex(vertex)).collect()
+    }
+}
+
+/// The largest squared distance of what was left out of chains that are still there.
+fn largest<V: Vertex, M: Metric<V> + Copy>(tool: &Tool<V, M>, points: &[V], kept: &Chosen) -> f64 {
+    let chains = kept.starts.windows(2).map(|ends| &kept.vertices[ends[0]..ends[1]]);
+    chains.map(|chain| tool.largest(points, chain)).fold(0.0, f64::max)
+}

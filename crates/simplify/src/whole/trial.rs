@@ -1,0 +1,91 @@
+//! What comes of a threshold: judged before it appears.
+
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use super::Whole;
+use super::input::Input;
+use crate::goal::Unit;
+use terrane_base::error::{Error, Result};
+use terrane_vector::{Feature, Geometry, Written};
+
+/// What may come of a threshold.
+pub(super) struct Wanted {
+    pub(super) unit: Unit,
+    pub(super) range: RangeInclusive<u64>,
+}
+
+/// What is left of features, one after the other.
+pub(super) trait Leaves {
+    /// What is left of the next feature.
+    fn of(&mut self, feature: &Feature) -> Result<Geometry>;
+
+    /// False once it is known that none of it may appear.
+    fn may_appear(&self) -> bool {
+        true
+    }
+}
+
+impl Whole<'_> {
+    /// What came of a threshold, where it is not what is wanted: `vertices`, or the bytes that `leaves`
+    /// take.
+    pub(super) fn unwanted(
+        &self,
+        input: &mut Input<'_>,
+        wanted: &Wanted,
+        vertices: u64,
+        leaves: &mut dyn Leaves,
+    ) -> Result<Option<u64>> {
+        let came = match wanted.unit {
+            Unit::Vertices => vertices,
+            Unit::Bytes => self.size(input, leaves)?,
+        };
+        Ok(Some(came).filter(|came| !wanted.range.contains(came)))
+    }
+
+    /// Bytes of all files, written under their names in a folder that is taken away again.
+    fn size(&self, input: &mut Input<'_>, leaves: &mut dyn Leaves) -> Result<u64> {
+        let folder = match &self.job.resources.temp_dir {
+            Some(folder) => tempfile::tempdir_in(folder),
+            None => tempfile::tempdir(),
+        };
+        let folder = folder.map_err(|e| Error::write(&std::env::temp_dir(), e))?;
+        let written = self.write(input, leaves, Some(folder.path()))?;
+        Ok(written.iter().map(|written| written.bytes).sum())
+    }
+
+    /// Writes all features with what is left of them, to the outputs or into a folder for a trial. Files
+    /// appear as long as `leaves` allows it; those that did are returned.
+    pub(super) fn write(
+        &self,
+        input: &mut Input<'_>,
+        leaves: &mut dyn Leaves,
+        trial: Option<&Path>,
+    ) -> Result<Vec<Written>> {
+        let (job, mut all) = (self.job, Vec::new());
+        self.progress.begin("write", input.all.len() as u64);
+        for (file, pair) in self.files.pairs.iter().enumerate() {
+            let layer = &input.all[file].layer;
+            // What is wrong with a trial is wrong with the output.
+            let named = |e: Error| if trial.is_some() { e.renamed(&pair.output) } else { e };
+            let created = match trial {
+                Some(folder) => pair.create_in(folder, job, layer),
+                None => pair.create(job, layer),
+            };
+            let mut sink = created.map_err(named)?;
+            input.visit(file, self.cancel, |feature| {
+                let geometry = leaves.of(feature)?;
+                let original = std::mem::replace(&mut feature.geometry, geometry);
+                let written = sink.write(feature);
+                feature.geometry = original;
+                written.map_err(named)
+            })?;
+            if leaves.may_appear() {
+                all.push(sink.finish(&input.all[file].foreign).map_err(named)?);
+            }
+            self.progress.advance(1);
+        }
+        self.progress.end();
+        Ok(all)
+    }
+}

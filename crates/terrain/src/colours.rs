@@ -1,0 +1,264 @@
+//! Colours of a grid's heights as a picture: bands of bytes in front of the grid that is read, which are copied as any
+//! other.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::options::{FileName, FileOutput, GridInput, GridOutput};
+use terrane_files::{RawFile, lock};
+use terrane_options::{Options, Rule};
+use terrane_raster::{GridInfo, GridSource, Inputs, SampleType, write};
+use terrane_window::relief::{Between, Colour, Palette, Table};
+
+/// Most bytes of a file of colours.
+const MOST_BYTES: u64 = 1 << 20;
+/// Rows of blocks whose heights are looked at together.
+const ROWS: u32 = 64;
+/// Columns and rows whose colours are found together.
+const PIECE: [u32; 2] = [512, 64];
+/// Bytes that a thread holds: heights of a piece, and of a usual block the colours and what is coded of other bands.
+const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 + (2 << 20);
+
+/// Colour a grid by its heights, as a picture
+///
+/// The file of colours has a height and its colour in each line, as gdaldem has it: 1200 255 128 0, with opacity from 0 to
+/// 255 behind it if wanted, or 1200 orange. Heights may be shares of the range of heights (25%), and nv stands for voids.
+/// Between two heights colours are mixed. A .tif is a GeoTIFF of bytes, red, green and blue; a .png is a picture with a .pgw
+/// and .prj beside it.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+#[non_exhaustive]
+pub struct ColorReliefOptions {
+    /// File of colours
+    #[option(value = "COLORS", with = FileName, role = Reads, positional)]
+    pub colors: PathBuf,
+    /// The colour of the nearest height of the file, instead of a mixed one
+    #[option(alias = "nearest_color_entry")]
+    pub nearest: bool,
+    /// Colours of the heights of the file alone; all others are black, and nothing to be seen with ‹alpha›
+    #[option(alias = "exact_color_entry")]
+    pub exact: bool,
+    /// Write opacity, too, as a fourth band
+    pub alpha: bool,
+    /// The output file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How its format is written.
+    #[option(flatten)]
+    pub written: GridOutput,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[Rule::NotWith("nearest", &["exact"])];
+
+impl ColorReliefOptions {
+    /// What is between two heights of the file.
+    fn between(&self) -> Between {
+        match (self.nearest, self.exact) {
+            (true, _) => Between::Nearest,
+            (_, true) => Between::Nothing,
+            _ => Between::Mixed,
+        }
+    }
+
+    /// The job that copies the colours.
+    fn copy(&self, inputs: &Inputs, output: &Path) -> Result<ConvertJob> {
+        let Self { file, written, grid, resources, .. } = self.clone();
+        let format = write::of_colours(output, file.format.as_deref())?;
+        let file = FileOutput { format: Some(format.name.to_owned()), ..file };
+        let options =
+            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
+        Ok(ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options })
+    }
+}
+
+impl Operation for ColorReliefOptions {
+    const NAME: &'static str = "color-relief";
+    type Input = GridInput;
+    const WRITES: Writes = Writes::Colours;
+    type Report = ConvertReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        let copy = self.copy(&Inputs::default(), output)?;
+        copy.options.check(output)
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<ConvertReport> {
+        let copy = self.copy(request.inputs, request.output)?;
+        run(self, &copy, request.progress, request.cancel)
+    }
+}
+
+/// Writes the colours of heights, in the grid's system and on its lattice: red, green and blue, and opacity if asked
+/// for, in bytes. What the file of colours says of voids is their colour; of one that says nothing they are black, and
+/// nothing to be seen. Where it names shares of the range of heights, the grid is read twice.
+fn run(
+    options: &ColorReliefOptions,
+    copy: &ConvertJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
+    let palette = read(&options.colors)?;
+    let report = convert::run_of(copy, WORKER_BYTES, progress, cancel, |inner| {
+        let own = inner.info();
+        let range = match palette.needs_range() {
+            true => range(inner.as_ref(), progress, cancel)?,
+            false => [0.0; 2],
+        };
+        let nodata = own.nodata.map(|value| value * own.scale + own.offset);
+        let table = palette.table(range, nodata, options.between());
+        let info = GridInfo {
+            sample_type: SampleType::U8,
+            nodata: None,
+            scale: 1.0,
+            offset: 0.0,
+            crs: own.crs.without_heights(),
+            ..own.clone()
+        };
+        let parts = if options.alpha { 4 } else { 3 };
+        let painted = Arc::new(Painted { info, inner, table, parts, waiting: Mutex::default() });
+        let band = |part: usize| -> Box<dyn GridSource> {
+            Box::new(Band { painted: painted.clone(), part })
+        };
+        Ok(Front::of_colours((0..parts).map(band).collect(), Vec::new()))
+    })?;
+    // Of bytes of colours nothing is to be told.
+    Ok(ConvertReport { lowest: None, highest: None, valid_samples: report.samples, ..report })
+}
+
+/// Reads a file of colours.
+fn read(path: &Path) -> Result<Palette> {
+    let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
+    if file.size() > MOST_BYTES {
+        return Err(
+            Error::limit("bytes of a file of colours", file.size(), MOST_BYTES).in_file(path)
+        );
+    }
+    let text = file.read_vec(0, file.size())?;
+    Palette::parse(&String::from_utf8_lossy(&text)).map_err(|fault| {
+        let error = Error::bad_input(fault.message)
+            .remedy("write a height and its colour in each line, such as: 1200 255 128 0");
+        let error =
+            if fault.line > 0 { error.at(format_args!("line {}", fault.line)) } else { error };
+        error.in_file(path)
+    })
+}
+
+/// The lowest and highest height of a grid; 0 where there is none.
+pub(crate) fn range(
+    grid: &dyn GridSource,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<[f64; 2]> {
+    let all = grid.info().bounds();
+    let mut heights = vec![0.0; PIECE[0] as usize * ROWS as usize];
+    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+    progress.begin("look", all.len() as u64);
+    for row in (0..all.height).step_by(ROWS as usize) {
+        cancel.check()?;
+        for col in (0..all.width).step_by(PIECE[0] as usize) {
+            let piece = Rect::new(col, row, PIECE[0], ROWS).intersect(&all);
+            let heights = &mut heights[..piece.len()];
+            grid.read_f64(piece, heights)?;
+            grid.copied(piece);
+            range = heights.iter().fold(range, |[low, high], z| [low.min(*z), high.max(*z)]);
+            progress.advance(piece.len() as u64);
+        }
+    }
+    progress.end();
+    Ok(if range[0] <= range[1] { range } else { [0.0; 2] })
+}
+
+/// A grid and its colours.
+struct Painted {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    table: Table,
+    /// Bands of it.
+    parts: usize,
+    /// Colours of rectangles of which not all parts were asked for yet: they are asked for one after the other.
+    waiting: Mutex<HashMap<Rect, Vec<Colour>>>,
+}
+
+impl Painted {
+    fn colours(&self, rect: Rect) -> Result<Vec<Colour>> {
+        let mut heights = vec![0.0; PIECE[0] as usize * PIECE[1] as usize];
+        let mut colours = vec![Colour::default(); rect.len()];
+        for row in (rect.row..rect.end_row()).step_by(PIECE[1] as usize) {
+            for col in (rect.col..rect.end_col()).step_by(PIECE[0] as usize) {
+                let piece = Rect::new(col, row, PIECE[0], PIECE[1]).intersect(&rect);
+                let heights = &mut heights[..piece.len()];
+                self.inner.read_f64(piece, heights)?;
+                for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
+                    let down = (piece.row - rect.row) as usize + down;
+                    let first = down * rect.width as usize + (piece.col - rect.col) as usize;
+                    self.table.paint(heights, &mut colours[first..]);
+                }
+            }
+        }
+        self.inner.copied(rect);
+        Ok(colours)
+    }
+}
+
+/// One part of the colours of a grid.
+struct Band {
+    painted: Arc<Painted>,
+    part: usize,
+}
+
+impl Band {
+    fn read<H: From<u8>>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let Self { painted, part } = self;
+        let waiting = lock(&painted.waiting).remove(&rect);
+        let colours = waiting.map_or_else(|| painted.colours(rect), Ok)?;
+        out.iter_mut().zip(&colours).for_each(|(out, colour)| *out = colour[*part].into());
+        if part + 1 < painted.parts {
+            lock(&painted.waiting).insert(rect, colours);
+        }
+        Ok(())
+    }
+}
+
+impl GridSource for Band {
+    fn info(&self) -> &GridInfo {
+        &self.painted.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.painted.inner.block_bytes()
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.painted.inner.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.painted.inner.release(rect);
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.painted.inner.copied(rect);
+    }
+}

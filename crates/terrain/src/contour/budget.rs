@@ -1,0 +1,67 @@
+//! How the memory of a contour job is divided.
+
+use super::ContourJob;
+use terrane_base::error::Result;
+use terrane_engine::memory;
+use terrane_window::contour::{self as contour, Vertex};
+
+/// Bytes of a vertex that waits.
+pub(super) const VERTEX_BYTES: u64 = size_of::<Vertex>() as u64;
+
+/// Bytes of a crossing in the tile at hand: its node, and its vertex.
+const CROSSING_BYTES: u64 = contour::CROSSING_BYTES + VERTEX_BYTES;
+
+/// And what simplification takes besides, when most vertices are kept.
+const SIMPLIFYING_BYTES: u64 = 140;
+
+/// Fewest crossings of a tile that there is room for, and most that room is made for.
+const CROSSINGS: [u64; 2] = [1 << 17, 1 << 24];
+
+/// Bytes of a piece that waits: itself, its open ends, and what puts it in order at last.
+pub(super) const PIECE_BYTES: u64 = 160;
+
+/// Bytes of a vertex of the line that is being written: here, as a position, and as text.
+const WRITING_BYTES: u64 = 128;
+
+/// A divided budget.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    pub(super) threads: usize,
+    /// Bytes for decoded blocks of the source.
+    pub(super) cache: u64,
+    /// Most crossings of a tile.
+    pub(super) crossings: u64,
+    /// Most pieces of lines.
+    pub(super) pieces: u64,
+    /// Most vertices that wait in memory.
+    pub(super) vertices: u64,
+    memory: u64,
+}
+
+impl Budget {
+    pub(super) fn divide(job: &ContourJob) -> Result<Self> {
+        let side = u64::from(job.options.tile) + 1;
+        let samples = side * side * 8;
+        let each = CROSSING_BYTES + job.options.tolerance.map_or(0, |_| SIMPLIFYING_BYTES);
+        let [least, most] = CROSSINGS;
+        let (memory, threads) =
+            (job.options.resources.memory, job.options.resources.threads.max(1));
+        let share = (memory / 4 / threads as u64).saturating_sub(samples);
+        let crossings = (share / each).clamp(least, most);
+        let shares = memory::divide(memory, threads, samples + crossings * each)
+            .map_err(memory::or_smaller_tiles)?;
+        Ok(Self {
+            threads: shares.threads,
+            cache: shares.cache,
+            crossings,
+            pieces: shares.mesh / 4 * 3 / PIECE_BYTES,
+            vertices: shares.mesh / 4 / VERTEX_BYTES,
+            memory,
+        })
+    }
+
+    /// Most vertices of a line: when it is written, the tiles are done.
+    pub(super) fn line_vertices(&self) -> u64 {
+        self.memory / 2 / WRITING_BYTES
+    }
+}

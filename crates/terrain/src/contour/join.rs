@@ -1,0 +1,234 @@
+//! Pieces of lines, joined where they meet on the rims of tiles.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use bytemuck::Zeroable;
+
+use super::budget::{Budget, VERTEX_BYTES};
+use super::tiles::{Tiles, Traced, lowest};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rect;
+use terrane_engine::Cancel;
+use terrane_files::Buckets;
+use terrane_window::contour::{Edge, Vertex};
+
+/// Vertices handed over before the job may be stopped.
+const PUSHED: usize = 1 << 16;
+
+/// The number of no piece.
+const NONE: u32 = u32::MAX;
+
+/// A part of a line, from one rim to another; or a whole one.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// Address of its vertices.
+    at: u64,
+    /// Its first edge, and the lowest.
+    first: Edge,
+    low: Edge,
+    /// See [`terrane_window::contour::Line::around`].
+    around: Option<i64>,
+    count: u32,
+    level: i32,
+    /// The piece that goes on from its last vertex, or [`NONE`]; itself if it is a ring.
+    next: u32,
+    /// True when another piece, or it itself, ends at its first vertex.
+    is_entered: bool,
+}
+
+/// An open end that waits for its counterpart.
+#[derive(Clone, Copy, Debug)]
+enum End {
+    First(u32),
+    Last(u32),
+}
+
+/// A line made of pieces. Lines are written in this order; no two are equal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Line {
+    /// The number of its level.
+    pub(super) level: i32,
+    /// Where it begins: of a ring, its lowest edge. A crossing belongs to one line only.
+    pub(super) start: Edge,
+    /// The first piece: of a ring, the one with that edge.
+    first: u32,
+    pub(super) closed: bool,
+    /// See [`terrane_window::contour::Line::around`].
+    pub(super) around: Option<i64>,
+}
+
+/// All pieces so far.
+pub(super) struct Pieces {
+    pieces: Vec<Piece>,
+    most: u64,
+    /// The vertices of all of them: one bucket.
+    vertices: Buckets<Vertex>,
+    /// Open ends by their crossing. Looked up only, so its order leaves no trace.
+    ends: HashMap<(Edge, i32), End>,
+    pub(super) original_vertices: u64,
+    pub(super) left_out: u64,
+}
+
+impl Pieces {
+    pub(super) fn new(budget: &Budget, folder: &Path) -> Self {
+        // The rest is for the vertices of a tile on their way here.
+        let waiting = budget.vertices * VERTEX_BYTES / 3 * 2;
+        Self {
+            pieces: Vec::new(),
+            most: budget.pieces.min(u64::from(NONE)),
+            vertices: Buckets::new(folder, 1, waiting),
+            ends: HashMap::new(),
+            original_vertices: 0,
+            left_out: 0,
+        }
+    }
+
+    /// Takes over the lines of a tile with the samples `rect`.
+    pub(super) fn add(
+        &mut self,
+        traced: Traced<'_>,
+        rect: Rect,
+        tiles: Tiles,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let Traced { lines, original_vertices, left_out } = traced;
+        self.original_vertices += original_vertices;
+        self.left_out += left_out;
+        if (self.pieces.len() + lines.lines.len()) as u64 > self.most {
+            return Err(too_many(self.most));
+        }
+        let first_address = self.vertices.len(0);
+        for vertices in lines.vertices.chunks(PUSHED) {
+            cancel.check()?;
+            self.vertices.push(0, vertices)?;
+        }
+        let mut start = 0;
+        for (index, line) in lines.lines.iter().enumerate() {
+            let vertices = lines.of(index);
+            let id = self.pieces.len() as u32;
+            self.pieces.push(Piece {
+                at: first_address + start,
+                first: vertices[0].edge,
+                low: vertices[lowest(vertices)].edge,
+                around: line.around,
+                count: vertices.len() as u32,
+                level: line.level,
+                next: if line.closed { id } else { NONE },
+                is_entered: line.closed,
+            });
+            start += vertices.len() as u64;
+            if let (false, [first, .., last]) = (line.closed, vertices) {
+                for (vertex, end) in [(first, End::First(id)), (last, End::Last(id))] {
+                    if tiles.rim(rect, vertex).is_some() {
+                        self.meet((vertex.edge, line.level), end);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Joins an end to its counterpart, or lets it wait.
+    fn meet(&mut self, crossing: (Edge, i32), end: End) {
+        let (last, first) = match (self.ends.remove(&crossing), end) {
+            (Some(End::Last(last)), End::First(first))
+            | (Some(End::First(first)), End::Last(last)) => (last, first),
+            // A crossing has one line in and one out, so there is none but a counterpart.
+            _ => {
+                self.ends.insert(crossing, end);
+                return;
+            }
+        };
+        // The two pieces have a vertex in common.
+        self.original_vertices -= 1;
+        self.pieces[last as usize].next = first;
+        self.pieces[first as usize].is_entered = true;
+    }
+
+    /// All lines in the order in which they are written. Call it when all tiles are there.
+    pub(super) fn lines(&mut self) -> Vec<Line> {
+        self.ends = HashMap::new();
+        let mut seen = vec![false; self.pieces.len()];
+        let mut lines = Vec::new();
+        for only_open in [true, false] {
+            for first in 0..self.pieces.len() {
+                if !(seen[first] || only_open && self.pieces[first].is_entered) {
+                    let line = self.line(first as u32, &mut seen);
+                    // Where the pieces of a ring meet was counted once, and its first vertex is its
+                    // last again.
+                    let is_joined = self.pieces[first].next != first as u32;
+                    self.original_vertices += u64::from(line.closed && is_joined);
+                    lines.push(line);
+                }
+            }
+        }
+        lines.sort_unstable();
+        lines
+    }
+
+    /// The line that goes on from piece `start`.
+    fn line(&self, start: u32, seen: &mut [bool]) -> Line {
+        let Piece { level, first, low, is_entered: closed, .. } = self.pieces[start as usize];
+        let begins = if closed { low } else { first };
+        let mut line = Line { level, start: begins, first: start, closed, around: Some(0) };
+        for id in self.from(start) {
+            let piece = self.pieces[id as usize];
+            seen[id as usize] = true;
+            let sum = line.around.zip(piece.around);
+            line.around = sum.map(|(a, b)| a.wrapping_add(b));
+            if closed && piece.low < line.start {
+                (line.start, line.first) = (piece.low, id);
+            }
+        }
+        line
+    }
+
+    /// The pieces of a line from `start` on, each once.
+    fn from(&self, start: u32) -> impl Iterator<Item = u32> {
+        let next = move |id: &u32| {
+            Some(self.pieces[*id as usize].next).filter(|&next| next != NONE && next != start)
+        };
+        std::iter::successors(Some(start), next)
+    }
+
+    /// How many vertices `line` has, at most.
+    pub(super) fn count(&self, line: &Line) -> u64 {
+        self.from(line.first).map(|id| u64::from(self.pieces[id as usize].count)).sum()
+    }
+
+    /// Fills `vertices` with those of `line`. A ring begins, and ends, at its lowest edge.
+    pub(super) fn read(&mut self, line: &Line, vertices: &mut Vec<Vertex>) -> Result<()> {
+        vertices.clear();
+        let mut id = line.first;
+        loop {
+            let Piece { at, count, next, .. } = self.pieces[id as usize];
+            // A piece begins with the vertex that the one before it ends with.
+            vertices.pop();
+            let start = vertices.len();
+            vertices.resize(start + count as usize, Vertex::zeroed());
+            self.vertices.read_from(0, at, &mut vertices[start..])?;
+            id = next;
+            if id == NONE || id == line.first {
+                break;
+            }
+        }
+        if line.closed {
+            vertices.pop();
+            let low = vertices.iter().position(|v| v.edge == line.start).unwrap_or_default();
+            vertices.rotate_left(low);
+            vertices.push(vertices[0]);
+        }
+        Ok(())
+    }
+
+    /// Bytes of the temporary file.
+    pub(super) fn spilled(&self) -> u64 {
+        self.vertices.spilled()
+    }
+}
+
+fn too_many(most: u64) -> Error {
+    Error::new(ErrorKind::Resource, format!("more than {most} pieces of contours"))
+        .remedy("allow more ‹memory›, choose a larger ‹tile›, or widen ‹interval›")
+}

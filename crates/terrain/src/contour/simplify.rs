@@ -1,0 +1,239 @@
+//! Simplifying the lines of a tile, so that they cross neither each other nor those of other tiles.
+
+use super::Tolerance;
+use super::tiles::{Rim, Tiles, lowest};
+use terrane_base::error::Result;
+use terrane_base::geom::{Affine, Rect};
+use terrane_engine::Cancel;
+use terrane_line::cone::cone;
+use terrane_line::topology::{Chains, Kept, Options, open_at, refining, untangle};
+use terrane_line::{Geographic, Located, Metric, Plane, Scratch, Xy, ring};
+use terrane_simplify::Measure;
+use terrane_window::contour::{Line, Lines, Vertex};
+
+/// Simplifies tiles, one after the other.
+pub(super) struct Simplifier {
+    transform: Affine,
+    cone: Cone,
+    /// What became of the last tile.
+    lines: Lines,
+}
+
+/// The lines of a tile as chains, whose ends stay.
+#[derive(Default)]
+struct Input {
+    vertices: Vec<Vertex>,
+    points: Vec<Xy>,
+    starts: Vec<usize>,
+    closed: Vec<bool>,
+    /// What is kept of each chain.
+    kept: Kept,
+    /// True for a chain that goes on from the one before it, as one line.
+    goes_on: Vec<bool>,
+}
+
+impl Simplifier {
+    /// Distances are those of positions after `transform`.
+    pub(super) fn new(tolerance: Tolerance, transform: Affine) -> Self {
+        let cone = Cone { tolerance, scratch: Scratch::default(), located: Vec::new() };
+        Self { transform, cone, lines: Lines::default() }
+    }
+
+    /// Simplifies the lines of the tile with the samples `rect`.
+    pub(super) fn simplify(
+        &mut self,
+        lines: &Lines,
+        rect: Rect,
+        tiles: Tiles,
+        cancel: &Cancel,
+    ) -> Result<&Lines> {
+        let mut input = Input { starts: vec![0], kept: Kept::new(), ..Input::default() };
+        for (index, line) in lines.lines.iter().enumerate() {
+            cancel.check()?;
+            let vertices = lines.of(index);
+            if line.closed {
+                self.add_ring(&mut input, vertices, tiles);
+                continue;
+            }
+            let stays = staying(vertices, rect, tiles);
+            for (part, ends) in stays.windows(2).enumerate() {
+                self.add(&mut input, &vertices[ends[0]..=ends[1]], part > 0, tiles);
+            }
+        }
+        let Input { points, starts, closed, kept, .. } = &input;
+        let chains = Chains { points, starts, closed };
+        let mut refine = refining(points, |points, kept| self.cone.line(points, kept));
+        let options = Options { cancel: Some(cancel), ..Options::default() };
+        let outcome = untangle(&chains, kept, &[], &options, &mut refine)?;
+        drop(refine);
+        self.collect(lines, &input, &outcome.kept);
+        Ok(&self.lines)
+    }
+
+    /// Adds an open chain.
+    fn add(&mut self, input: &mut Input, vertices: &[Vertex], goes_on: bool, tiles: Tiles) {
+        let start = input.points.len();
+        input.points.extend(vertices.iter().map(|v| position(&self.transform, v, tiles)));
+        input.vertices.extend_from_slice(vertices);
+        let kept = &mut input.kept.vertices;
+        let before = kept.len();
+        self.cone.line(&input.points[start..], kept);
+        kept[before..].iter_mut().for_each(|v| *v += start as u32);
+        input.end_chain(false, goes_on);
+    }
+
+    /// Adds a ring, beginning at its lowest edge, which stays.
+    fn add_ring(&mut self, input: &mut Input, vertices: &[Vertex], tiles: Tiles) {
+        let start = input.points.len();
+        input.points.extend(vertices.iter().map(|v| position(&self.transform, v, tiles)));
+        input.vertices.extend_from_slice(vertices);
+        let low = lowest(vertices);
+        open_at(&mut input.vertices[start..], low);
+        let points = &mut input.points[start..];
+        open_at(points, low);
+        let mut kept = Vec::new();
+        self.cone.ring(points, &mut kept);
+        let end = points.len() as u32 - 1;
+        if let (Some(&first), Some(&last)) = (kept.first(), kept.last())
+            && first > 0
+        {
+            kept = self.cone.around(points, first, last, &kept);
+        } else {
+            kept.push(end);
+        }
+        input.kept.vertices.extend(kept.iter().map(|v| v + start as u32));
+        input.end_chain(true, false);
+    }
+
+    /// Fills `lines` with the kept vertices of those given.
+    fn collect(&mut self, lines: &Lines, input: &Input, kept: &Kept) {
+        self.lines.clear();
+        let mut originals = lines.lines.iter();
+        for (chain, goes_on) in input.goes_on.iter().enumerate() {
+            let kept = &kept.of(chain)[usize::from(*goes_on)..];
+            let vertices = kept.iter().map(|v| input.vertices[*v as usize]);
+            self.lines.vertices.extend(vertices);
+            let end = self.lines.vertices.len();
+            match (goes_on, self.lines.lines.last_mut()) {
+                (true, Some(line)) => line.end = end,
+                _ => self.lines.lines.extend(originals.next().map(|line| Line { end, ..*line })),
+            }
+        }
+    }
+}
+
+/// The greedy double cone, in the metric asked for.
+struct Cone {
+    tolerance: Tolerance,
+    scratch: Scratch,
+    located: Vec<Located>,
+}
+
+impl Cone {
+    /// Appends the vertices kept of a line.
+    fn line(&mut self, points: &[Xy], kept: &mut Vec<u32>) {
+        let (tolerance, scratch) = (self.tolerance.value, &mut self.scratch);
+        match self.tolerance.measure {
+            Measure::Geographic => {
+                locate(points, &mut self.located);
+                cone(&Geographic, &self.located, tolerance, scratch, kept);
+            }
+            Measure::Plane | Measure::Space => cone(&Plane, points, tolerance, scratch, kept),
+        }
+    }
+
+    /// `kept` of a ring, with its start and end: what lies before `first` and after `last` is done
+    /// again.
+    fn around(&mut self, points: &[Xy], first: u32, last: u32, kept: &[u32]) -> Vec<u32> {
+        let mut all = Vec::new();
+        self.line(&points[..=first as usize], &mut all);
+        all.extend(&kept[1..]);
+        let after = all.len();
+        self.line(&points[last as usize..], &mut all);
+        all[after..].iter_mut().for_each(|v| *v += last);
+        // It is there already.
+        all.remove(after);
+        all
+    }
+
+    /// Appends the vertices kept of a ring.
+    fn ring(&mut self, points: &[Xy], kept: &mut Vec<u32>) {
+        match self.tolerance.measure {
+            Measure::Geographic => {
+                locate(points, &mut self.located);
+                ring_in(&Geographic, &self.located, self.tolerance.value, &mut self.scratch, kept);
+            }
+            Measure::Plane | Measure::Space => {
+                ring_in(&Plane, points, self.tolerance.value, &mut self.scratch, kept);
+            }
+        }
+    }
+}
+
+fn locate(points: &[Xy], located: &mut Vec<Located>) {
+    located.clear();
+    located.extend(points.iter().map(|point| Located::new(*point)));
+}
+
+fn ring_in<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    tolerance: f64,
+    scratch: &mut Scratch,
+    kept: &mut Vec<u32>,
+) {
+    let method = |points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>| {
+        cone(metric, points, tolerance, scratch, kept);
+    };
+    ring::simplify(metric, points, tolerance, true, method, scratch, kept);
+}
+
+impl Input {
+    fn end_chain(&mut self, closed: bool, goes_on: bool) {
+        self.starts.push(self.points.len());
+        self.closed.push(closed);
+        self.goes_on.push(goes_on);
+        self.kept.close();
+    }
+}
+
+/// Where a vertex is, in the units of the CRS.
+pub(super) fn position(transform: &Affine, vertex: &Vertex, tiles: Tiles) -> Xy {
+    let [col, row] = vertex.place(tiles.width);
+    transform.apply(col, row)
+}
+
+/// The vertices of an open line that stay, ends included. One from rim to rim may be part of a ring: its
+/// lowest edge may be where that begins.
+fn staying(vertices: &[Vertex], rect: Rect, tiles: Tiles) -> Vec<usize> {
+    let last = vertices.len() - 1;
+    let is_on_rim = |at: usize| tiles.rim(rect, &vertices[at]).is_some();
+    let mut stays = vec![0, last];
+    if is_on_rim(0) && is_on_rim(last) {
+        stays.push(lowest(vertices));
+        stays.extend(turning(vertices, rect, tiles));
+    }
+    stays.sort_unstable();
+    stays.dedup();
+    stays
+}
+
+/// The vertex that is farthest from the rim which a line comes from and goes back to, if it does.
+fn turning(vertices: &[Vertex], rect: Rect, tiles: Tiles) -> Option<usize> {
+    let rim = tiles.rim(rect, vertices.first()?)?;
+    if tiles.rim(rect, vertices.last()?)? != rim {
+        return None;
+    }
+    let depth = |vertex: &Vertex| {
+        let [col, row] = vertex.place(tiles.width);
+        match rim {
+            Rim::North => row - f64::from(rect.row),
+            Rim::South => f64::from(rect.end_row() - 1) - row,
+            Rim::West => col - f64::from(rect.col),
+            Rim::East => f64::from(rect.end_col() - 1) - col,
+        }
+    };
+    let deepest = |best: (usize, f64), (at, depth)| if depth > best.1 { (at, depth) } else { best };
+    let (at, _) = vertices.iter().map(depth).enumerate().fold((0, 0.0), deepest);
+    (at > 0 && at + 1 < vertices.len()).then_some(at)
+}

@@ -1,0 +1,302 @@
+//! Derivatives of a grid (slope, aspect, hillshade and others) as grids: a grid in front of the one that is read, which
+//! is copied as any other. So they have any size, format and number of threads, and the same bytes. In a PNG they are a
+//! picture in grays.
+
+mod kinds;
+mod toned;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::colours::range;
+use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_engine::Resources;
+use terrane_engine::ground::Ground;
+use terrane_engine::operation::Request;
+use terrane_engine::options::{FileOutput, GridInput, GridOutput};
+use terrane_options::Options;
+use terrane_raster::{GridInfo, GridSource, Inputs, SampleType};
+use terrane_window::relief::{Derivative, Turn};
+use toned::Toned;
+
+pub use kinds::{
+    AspectOptions, AspectSetters, CurvatureOptions, CurvatureSetters, HillshadeOptions,
+    HillshadeSetters, RoughnessOptions, RoughnessSetters, SlopeOptions, SlopeSetters, TpiOptions,
+    TpiSetters, TriOptions, TriSetters,
+};
+
+/// Columns and rows that are looked at together.
+const PIECE: [u32; 2] = [512, 64];
+/// What stands for no value, where values are any numbers.
+const NODATA: f64 = -9999.0;
+
+/// The option of a PNG that says how heights are held, and its value for a picture.
+const ENCODING: &str = "ENCODING";
+const GRAY: &str = "GRAY";
+
+/// Options of all derivatives of a grid
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = group)]
+pub struct DerivativeOptions {
+    /// Samples at the border of the grid and beside voids have a value, too: what is beyond the grid is on the line
+    /// through the two samples inside, and voids are as high as the sample
+    pub compute_edges: bool,
+    /// The output file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How its format is written.
+    #[option(flatten)]
+    pub written: GridOutput,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+impl DerivativeOptions {
+    /// The job that copies what is computed of each sample.
+    fn copy(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
+        let Self { file, written, grid, resources, .. } = self.clone();
+        let options =
+            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
+        ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options }
+    }
+}
+
+/// What is computed of each sample, of a grid that has so many units of heights in a unit of x and y.
+struct Asked<'a> {
+    derivative: Arc<dyn Derivative>,
+    scale: Option<f64>,
+    common: &'a DerivativeOptions,
+}
+
+/// Writes a derivative of a grid, in the grid's system and on its lattice: 32-bit numbers, or whole ones of a byte.
+/// Samples with less than eight valid neighbours are void, unless `edges`: then what is beyond the grid is on the line
+/// through the two samples inside, and voids are as high as the sample.
+///
+/// A PNG is a picture unless an option of the format says how it packs heights: bytes are grays as they are, and numbers
+/// are grays of 16 bits, from the least to the greatest value that there can be, or else that there is; the grid is read
+/// twice then.
+///
+/// # Errors
+/// Those of [`convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
+fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
+    let Request { inputs, output, progress, cancel, .. } = request;
+    let Asked { derivative, scale, common } = asked;
+    let copy = common.copy(inputs, output);
+    let picture = picture(&copy)?;
+    let copy = picture.as_ref().unwrap_or(&copy);
+    let is_toned = picture.is_some() && !derivative.is_byte();
+    let report = convert::run_of(copy, 0, progress, cancel, |inner| {
+        let info = inner.info();
+        let ground = match scale {
+            Some(scale) => Ground::scaled(info, *scale),
+            None if !derivative.is_of_slopes() => Ground::scaled(info, 1.0),
+            None => Ground::of(info)?,
+        };
+        let (sample_type, nodata) = match derivative.is_byte() {
+            true => (SampleType::U8, 0.0),
+            false => (SampleType::F32, NODATA),
+        };
+        let nodata = Some(nodata);
+        // Degrees and the like are in no unit of heights.
+        let crs = match derivative.is_of_slopes() {
+            true => info.crs.without_heights(),
+            false => info.crs.clone(),
+        };
+        let info = GridInfo { sample_type, nodata, crs, scale: 1.0, offset: 0.0, ..info.clone() };
+        let (known, mut notes) = (derivative.range(), ground.notes());
+        let (derivative, edges) = (Arc::clone(derivative), common.compute_edges);
+        let derived = Box::new(Derived { info, inner, derivative, ground, edges });
+        if !is_toned {
+            return Ok(Front::of(derived, notes));
+        }
+        let range = known.map_or_else(|| range(derived.as_ref(), progress, cancel), Ok)?;
+        let toned = Toned::new(derived, range);
+        notes.push(toned.note());
+        Ok(Front::of(Box::new(toned), notes))
+    })?;
+    // Grays of values tell nothing of them.
+    let told = |value: Option<f64>| value.filter(|_| !is_toned);
+    Ok(ConvertReport { lowest: told(report.lowest), highest: told(report.highest), ..report })
+}
+
+/// The job of a picture, where the format is one and nothing says how it is to pack heights.
+fn picture(copy: &ConvertJob) -> Result<Option<ConvertJob>> {
+    let format = copy.options.format(&copy.output)?;
+    let given = copy.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case(ENCODING));
+    if !format.is_picture() || given.is_some_and(|(_, value)| !value.eq_ignore_ascii_case(GRAY)) {
+        return Ok(None);
+    }
+    let mut picture = copy.clone();
+    if given.is_none() {
+        picture.options.written.co.push((ENCODING.to_owned(), GRAY.to_owned()));
+    }
+    Ok(Some(picture))
+}
+
+/// A grid of derivatives.
+struct Derived {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    derivative: Arc<dyn Derivative>,
+    ground: Ground,
+    edges: bool,
+}
+
+/// Heights of a piece and of one sample around it.
+#[derive(Default)]
+struct Piece {
+    heights: Vec<f64>,
+    /// What of them is in the grid, where that is not all.
+    inner: Vec<f64>,
+}
+
+impl Derived {
+    /// Hands on each row of a rectangle, piece by piece, with its first column and its row.
+    fn each(&self, rect: Rect, found: &mut dyn FnMut([u32; 2], &[f64])) -> Result<()> {
+        let (mut out, mut heights) = (vec![0.0; PIECE[0] as usize], Piece::default());
+        for row in (rect.row..rect.end_row()).step_by(PIECE[1] as usize) {
+            for col in (rect.col..rect.end_col()).step_by(PIECE[0] as usize) {
+                let piece = Rect::new(col, row, PIECE[0], PIECE[1]).intersect(&rect);
+                self.heights(piece, &mut heights)?;
+                for row in piece.row..piece.end_row() {
+                    let out = &mut out[..piece.width as usize];
+                    self.row(piece, &heights.heights, row, out);
+                    found([piece.col, row], out);
+                }
+            }
+        }
+        self.inner.copied(self.around(rect));
+        Ok(())
+    }
+
+    /// What of the grid is one more sample on each side of a rectangle.
+    fn around(&self, rect: Rect) -> Rect {
+        let [left, top] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
+        let around = Rect::new(left, top, rect.end_col() + 1 - left, rect.end_row() + 1 - top);
+        around.intersect(&self.info.bounds())
+    }
+
+    /// Reads heights with one more sample on each side.
+    fn heights(&self, rect: Rect, piece: &mut Piece) -> Result<()> {
+        let Piece { heights, inner } = piece;
+        let read = self.around(rect);
+        let [width, height] = [rect.width as usize + 2, rect.height as usize + 2];
+        heights.resize(width * height, f64::NAN);
+        if read.len() == heights.len() {
+            return self.inner.read_f64(read, heights);
+        }
+        heights.fill(f64::NAN);
+        inner.resize(read.len(), 0.0);
+        self.inner.read_f64(read, inner)?;
+        // Of a row or column beyond the grid nothing is read.
+        let [right, down] = [usize::from(rect.col == 0), usize::from(rect.row == 0)];
+        for (row, inner) in inner.chunks(read.width as usize).enumerate() {
+            heights[(row + down) * width + right..][..inner.len()].copy_from_slice(inner);
+        }
+        if self.edges {
+            let at = [right, down, right + read.width as usize, down + read.height as usize];
+            extend(heights, width, at);
+        }
+        Ok(())
+    }
+
+    fn row(&self, rect: Rect, heights: &[f64], row: u32, out: &mut [f64]) {
+        let width = rect.width as usize + 2;
+        let first = (row - rect.row) as usize * width;
+        let rows = [0, 1, 2].map(|down: usize| &heights[first + down * width..][..width]);
+        let turn = |col: u32| self.turn(col, row);
+        if self.ground.is_by_row() && !self.edges {
+            self.derivative.row(rows, &turn(rect.col), out);
+            return;
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            let here = rows[1][i + 1];
+            let filled = rows.map(|row| {
+                [0, 1, 2].map(|k: usize| {
+                    let height = row[i + k];
+                    if self.edges && height.is_nan() { here } else { height }
+                })
+            });
+            let rows = filled.each_ref().map(|row| &row[..]);
+            self.derivative.row(rows, &turn(rect.col + i as u32), std::slice::from_mut(out));
+        }
+    }
+
+    /// To metres by metre, where heights count in slopes.
+    fn turn(&self, col: u32, row: u32) -> Turn {
+        let col = if self.ground.is_by_row() { 0 } else { col };
+        self.ground.turn(f64::from(col), f64::from(row))
+    }
+}
+
+/// Puts what is beyond the grid on the line through the two samples inside: columns and rows from the first two numbers
+/// on, and before the last two, are in the grid.
+fn extend(heights: &mut [f64], width: usize, [left, top, right, bottom]: [usize; 4]) {
+    let inward = |at: usize, first: usize, end: usize| match at {
+        at if at < first => 1,
+        at if at >= end => -1,
+        _ => 0,
+    };
+    for row in 0..heights.len() / width {
+        for col in 0..width {
+            let [x, y] = [inward(col, left, right), inward(row, top, bottom)];
+            if x == 0 && y == 0 {
+                continue;
+            }
+            let at = |steps: isize| {
+                let col = col.checked_add_signed(steps * x).filter(|c| (left..right).contains(c));
+                let row = row.checked_add_signed(steps * y).filter(|r| (top..bottom).contains(r));
+                col.zip(row).map_or(f64::NAN, |(col, row)| heights[row * width + col])
+            };
+            let [next, after] = [at(1), at(2)];
+            heights[row * width + col] = if after.is_nan() { next } else { 2.0 * next - after };
+        }
+    }
+}
+
+impl GridSource for Derived {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.each(rect, &mut |[col, row], values| {
+            let from = (row - rect.row) as usize * rect.width as usize + (col - rect.col) as usize;
+            out[from..].iter_mut().zip(values).for_each(|(out, value)| *out = *value as f32);
+        })
+    }
+
+    /// As they are written, in single precision.
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.each(rect, &mut |[col, row], values| {
+            let from = (row - rect.row) as usize * rect.width as usize + (col - rect.col) as usize;
+            out[from..]
+                .iter_mut()
+                .zip(values)
+                .for_each(|(out, value)| *out = f64::from(*value as f32));
+        })
+    }
+
+    fn block_bytes(&self) -> u64 {
+        let [cols, rows] = PIECE.map(|side| u64::from(side) + 4);
+        self.inner.block_bytes() + 2 * cols * rows * 8
+    }
+
+    fn members(&self) -> Vec<std::path::PathBuf> {
+        self.inner.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.inner.release(rect);
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.inner.copied(rect);
+    }
+}

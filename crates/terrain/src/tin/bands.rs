@@ -1,0 +1,252 @@
+//! Several bands of a grid to one mesh: read whole, triangulated on one thread, written with their values at
+//! vertices.
+
+use std::path::Path;
+use std::time::Instant;
+
+use super::job::{Goal, TinJob};
+use super::make::{Carried, Maker, Opened, in_input, options};
+use super::report::TinReport;
+use super::run::Outcome;
+use super::textbook::{self, Stages, Whole, surface};
+use super::window::Window;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Point3, Rect};
+use terrane_baselines::{Channels, Drawn, Sample, join_voids};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::bands::{BandReport, Bands, kind_of};
+use terrane_engine::memory;
+use terrane_files::atomic::refuse_existing;
+use terrane_mesh::{Channel, ChannelKind, MeshSink};
+
+/// Runs a job on several bands of its input: the error of a sample is the largest over the bands of weight x
+/// |value - mesh|. What the job says of refinement, tiles and the like is not looked at.
+///
+/// # Errors
+/// Those of [`run_by`](super::run_by); usage for bands that the grid does not have, and for a format that has no
+/// room for them.
+pub fn run_bands(
+    job: &TinJob,
+    bands: &Bands,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TinReport> {
+    let started = Instant::now();
+    job.goal.check()?;
+    textbook::refuse_water(job, "of several bands")?;
+    refuse_existing(&job.output, job.overwrite)?;
+    let named = |error| in_input(error, &job.input);
+    let mut opened = Opened::with(job, || open(job, bands).map_err(named))?;
+    let kinds = kinds(job, bands).map_err(named)?;
+    opened.carried = carried(bands, &kinds);
+    opened.format.check_channels(&opened.carried.channels)?;
+    let maker = Maker { job, opened: &opened, progress, cancel };
+    let picture =
+        maker.check_output().and_then(|()| Picture::read(&maker, bands)).map_err(named)?;
+    opened.carried = carried(bands, &picture.kinds(kinds));
+    let maker = Maker { job, opened: &opened, progress, cancel };
+    let mut report = picture.make(&maker, bands).map_err(named)?;
+    report.took(started.elapsed());
+    Ok(report)
+}
+
+/// Opens the band of heights, or the first, where the memory holds all of them.
+fn open(job: &TinJob, bands: &Bands) -> Result<memory::Opened> {
+    let options = options(job)?;
+    let all = memory::look_at(&job.input, &Bands::options(1, &options))?;
+    bands.check(all.info()).map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
+    drop(all);
+    let (first, _) = bands.list()[0];
+    let whole = whole(bands);
+    textbook::open(job, &Bands::options(bands.heights().unwrap_or(first), &options), &whole)
+}
+
+/// Bytes for a sample while a band is read.
+fn whole(bands: &Bands) -> Whole {
+    Whole {
+        what: format!("a mesh of {} bands", bands.list().len()),
+        sample_bytes: Channels::sample_bytes(bands.list().len()),
+        otherwise: "make it coarser before (gdal_translate -outsize)".to_owned(),
+    }
+}
+
+/// How each band is stored, by its type alone.
+fn kinds(job: &TinJob, bands: &Bands) -> Result<Vec<ChannelKind>> {
+    let options = options(job)?;
+    let look = |&(band, _): &(u32, f64)| {
+        Ok(kind_of(memory::look_at(&job.input, &Bands::options(band, &options))?.info()))
+    };
+    bands.list().iter().map(look).collect()
+}
+
+fn carried(bands: &Bands, kinds: &[ChannelKind]) -> Carried {
+    let numbers = bands.list().iter().map(|(band, _)| *band);
+    let stored: Vec<_> = numbers.zip(kinds.iter().copied()).collect();
+    let channels = Channel::of_bands(&stored);
+    Carried { channels, bands: Some(bands.clone()), triangulation: None }
+}
+
+/// The values of all bands.
+struct Picture {
+    size: [u32; 2],
+    planes: Vec<Vec<f64>>,
+    stages: Stages,
+}
+
+impl Picture {
+    /// Reads all bands, one after the other; what is void in one becomes void in all.
+    fn read(maker: &Maker<'_>, bands: &Bands) -> Result<Self> {
+        let info = maker.opened.source.info();
+        let (size, mut stages) = ([info.width, info.height], Stages::default());
+        let planes = stages.time(maker, "read", || {
+            let plane = |&(band, _): &(u32, f64)| read(maker, band);
+            let mut planes = bands.list().iter().map(plane).collect::<Result<Vec<_>>>()?;
+            join_voids(&mut planes);
+            Ok(planes)
+        })?;
+        Ok(Self { size, planes, stages })
+    }
+
+    /// How each band is stored: what an f32 holds in spite of its type as one.
+    fn kinds(&self, by_type: Vec<ChannelKind>) -> Vec<ChannelKind> {
+        let is_single =
+            |plane: &[f64]| plane.iter().all(|z| z.is_nan() || f64::from(*z as f32) == *z);
+        let kind = |(kind, plane): (ChannelKind, &Vec<f64>)| match kind {
+            ChannelKind::Double if is_single(plane) => ChannelKind::Single,
+            _ => kind,
+        };
+        by_type.into_iter().zip(&self.planes).map(kind).collect()
+    }
+
+    fn make(self, maker: &Maker<'_>, bands: &Bands) -> Result<TinReport> {
+        let Self { size, planes, mut stages } = self;
+        let weights: Vec<f64> = bands.list().iter().map(|(_, weight)| *weight).collect();
+        let goal = maker.job.goal;
+        let drawn = stages.time(maker, "method", || {
+            let pulse = || maker.cancel.check();
+            Channels::new(size, &planes, &weights)?.triangulate(textbook::asked(goal), &pulse)
+        })?;
+        let [vertices, triangles] =
+            [drawn.vertices.len(), drawn.triangles.len()].map(|count| count as u64);
+        maker.opened.format.check_capacity(vertices, triangles)?;
+        let values = Values { planes: &planes, width: size[0], heights: heights(bands) };
+        values.check_heights(maker, &drawn)?;
+        let tolerance = match goal {
+            Goal::MaxError(tolerance) => tolerance,
+            Goal::MaxVertices(_) | Goal::MaxTriangles(_) => drawn.max_error,
+        };
+        let surface = surface(&drawn.census);
+        let write = |sink, _| {
+            let output_bytes = stages.time(maker, "write", || values.write(maker, &drawn, sink))?;
+            Ok(Outcome {
+                vertices,
+                triangles,
+                valid: drawn.census.valid,
+                isolated: drawn.census.isolated,
+                max_error: drawn.max_error,
+                output_bytes,
+                stages: stages.0,
+                ..Outcome::default()
+            })
+        };
+        let report = maker.complete(tolerance, 0, write)?;
+        let told =
+            |(&(band, weight), found): (&(u32, f64), &terrane_baselines::Measured)| BandReport {
+                band,
+                weight,
+                max_error: Some(found.max_error),
+                rmse: Some((found.square_sum / surface).sqrt()),
+            };
+        Ok(TinReport {
+            method: Some("greedy4".to_owned()),
+            triangulation: Some("delaunay".to_owned()),
+            vertical_unit: "units".to_owned(),
+            bands: bands.list().iter().zip(&drawn.channels).map(told).collect(),
+            tiles: 1,
+            tile_cells: size[0].max(size[1]) - 1,
+            max_error: Some(drawn.max_error),
+            rmse: None,
+            ..report
+        })
+    }
+}
+
+/// The place of the band of heights in the list.
+fn heights(bands: &Bands) -> Option<usize> {
+    let heights = bands.heights()?;
+    bands.list().iter().position(|(band, _)| *band == heights)
+}
+
+/// All values of a band, checked as heights are.
+fn read(maker: &Maker<'_>, band: u32) -> Result<Vec<f64>> {
+    maker.cancel.check()?;
+    let Maker { job, opened, .. } = maker;
+    let info = opened.source.info();
+    let other = match info.band == band {
+        true => None,
+        false => {
+            let options = Bands::options(band, &options(job)?);
+            let resources = Resources { threads: 1, ..job.resources.clone() };
+            let samples = u64::from(info.width) * u64::from(info.height);
+            let held = samples * textbook::READ_BYTES;
+            Some(memory::open(&job.input, &options, &resources, held)?.0)
+        }
+    };
+    let source = other.as_deref().unwrap_or(&*opened.source);
+    let own = source.info();
+    if [own.width, own.height] != [info.width, info.height] || own.transform != info.transform {
+        let message = format!("bands {} and {band} differ in size or place", info.band);
+        return Err(Error::unsupported(message).remedy("name bands of one lattice"));
+    }
+    let mut window = Window::default();
+    window.read(source, Rect::new(0, 0, info.width, info.height))?;
+    Ok(textbook::all_heights(&window))
+}
+
+/// What vertices are told to be.
+struct Values<'a> {
+    planes: &'a [Vec<f64>],
+    width: u32,
+    /// The plane of heights.
+    heights: Option<usize>,
+}
+
+impl Values<'_> {
+    fn place(&self, at: Sample) -> usize {
+        at.row() as usize * self.width as usize + at.col() as usize
+    }
+
+    fn height(&self, at: Sample) -> f64 {
+        self.heights.map_or(0.0, |plane| self.planes[plane][self.place(at)])
+    }
+
+    /// Fails where the format does not store the heights of vertices as they are.
+    fn check_heights(&self, maker: &Maker<'_>, drawn: &Drawn) -> Result<()> {
+        let Some(rounding) = maker.opened.rounding() else { return Ok(()) };
+        let mut heights = drawn.vertices.iter().map(|&at| self.height(at));
+        match heights.find(|&height| rounding.apply(height) != height) {
+            None => Ok(()),
+            Some(height) => Err(Error::usage(format!(
+                "{} stores heights as 32-bit floats, which {height} is not, placed so",
+                maker.opened.format.name
+            ))
+            .remedy("write PLY, or leave out ‹band›, or ‹size›, ‹scale› and ‹exaggeration›")),
+        }
+    }
+
+    fn write(&self, maker: &Maker<'_>, drawn: &Drawn, sink: Box<dyn MeshSink>) -> Result<u64> {
+        let to_world = &maker.opened.source.info().transform;
+        let position = |at: Sample| -> Point3 {
+            let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
+            [x, y, self.height(at)]
+        };
+        let values = |at: Sample| {
+            let place = self.place(at);
+            self.planes.iter().map(move |plane| plane[place])
+        };
+        let is_mirrored = to_world.determinant() < 0.0;
+        textbook::write((&drawn.vertices, &drawn.triangles), position, values, sink, is_mirrored)
+    }
+}

@@ -1,0 +1,134 @@
+//! A grid that is open already into any sink: for meshes that stay in memory.
+
+use std::path::Path;
+
+use super::job::Goal;
+use super::layout::{Layout, checked_tile};
+use super::make::{Origin, header, in_input, open_tiled};
+use super::refinement::Refinement;
+use super::report::{FlawReport, unmet};
+use super::run::{Outcome, Settings};
+use super::seek::{Seeker, run_stage};
+use terrane_base::error::Result;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::beside;
+use terrane_engine::kept::Features;
+use terrane_engine::memory::{self, Shares};
+use terrane_mesh::{MeshHeader, MeshSink};
+use terrane_raster::{GridSource, Inputs, OpenOptions, Upright};
+use terrane_tin::Spec;
+
+/// A mesh to make of a grid that is open.
+#[derive(Clone, Copy, Debug)]
+pub struct BuildJob<'a> {
+    /// What to reach.
+    pub goal: Goal,
+    /// How.
+    pub refinement: &'a Refinement,
+    /// Cells along a tile's side.
+    pub tile: u32,
+    /// What the job may use, beside what the source and the sink hold.
+    pub resources: &'a Resources,
+}
+
+impl BuildJob<'_> {
+    /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
+    fn worker(&self, features: &Features, tile: u32) -> u64 {
+        let worker = self.refinement.worker_bytes(self.goal, tile, features.has_lines());
+        features.bytes() + worker
+    }
+}
+
+/// What a [`BuildJob`] did.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The tolerance of the mesh.
+    pub tolerance: f64,
+    /// What the run counted, errors measured.
+    pub outcome: Outcome,
+    /// What was asked for and is not so, in words.
+    pub unmet: Option<String>,
+    /// What files of the mesh are to be told of it.
+    pub header: MeshHeader,
+}
+
+/// Triangulates all of `source` into `sink`, heights as exact as the source has them.
+///
+/// # Errors
+/// Those of [`run`](super::run) that are not about files.
+pub fn build(
+    source: &dyn GridSource,
+    sink: Box<dyn MeshSink>,
+    job: &BuildJob<'_>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Built> {
+    job.goal.check()?;
+    let source = &Upright::new(source);
+    let info = source.info();
+    let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
+    let features = job.refinement.features(None, job.resources)?;
+    let worker = job.worker(&features, layout.side());
+    let shares = memory::divide(job.resources.memory, job.resources.threads, worker)
+        .map_err(memory::or_smaller_tiles)?;
+    build_within((source, [None; 2], features), sink, job, shares, progress, cancel)
+}
+
+/// As [`build`], of files, whose decoded blocks have their share of the memory.
+///
+/// # Errors
+/// As [`build`], and those of opening and reading the files.
+pub fn build_files(
+    input: &Inputs,
+    options: &OpenOptions,
+    sink: Box<dyn MeshSink>,
+    job: &BuildJob<'_>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Built> {
+    job.goal.check()?;
+    let features = job.refinement.features(options.water.as_ref(), job.resources)?;
+    let worker = |tile| job.worker(&features, tile);
+    let (source, shares) = open_tiled(input, options, job.tile, worker, job.resources)?;
+    let beside = [
+        options.clip.as_ref().map(|clip| clip.path()),
+        options.water.as_ref().map(|water| water.path()),
+    ];
+    let built = build_within((&*source, beside, features), sink, job, shares, progress, cancel);
+    built.map_err(|error| in_input(error, input))
+}
+
+fn build_within(
+    (source, [clip, water], features): (&dyn GridSource, [Option<&Path>; 2], Features),
+    sink: Box<dyn MeshSink>,
+    job: &BuildJob<'_>,
+    shares: Shares,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Built> {
+    let info = source.info();
+    let layout = Layout::new(info.width, info.height, job.tile)?;
+    let kept = features.on(info)?;
+    let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let settings = Settings {
+        spec: job.refinement.spec(&info.transform)?,
+        tile: job.tile,
+        kept: &kept,
+        threads: shares.threads,
+        mesh_bytes: shares.mesh,
+        temp_dir: &folder,
+        order_seed: None,
+        progress,
+        cancel,
+    };
+    let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
+    let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
+    let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
+    let [clip, water] = [clip, water].map(|path| path.map(beside::label));
+    let from = Origin { input: info.format, clip, water, refinement: job.refinement };
+    let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
+    let unmet = unmet(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
+    Ok(Built { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })
+}

@@ -1,0 +1,126 @@
+//! What a TIN of a grid will take, told before one is made and without reading a height.
+
+use serde::Serialize;
+
+use super::layout::{Layout, USUAL_TILE};
+use super::worker::worker_bytes;
+use terrane_engine::Resources;
+use terrane_engine::memory;
+use terrane_engine::plan;
+use terrane_raster::GridSource;
+use terrane_tin::{Local, Triangle};
+
+/// A mesh is coarse when it keeps this share of the samples, and fine when it keeps that.
+const KEPT: [f64; 2] = [0.002, 0.05];
+/// Nanoseconds of one thread for a sample of a coarse and of a fine mesh, as measured on one machine
+/// with terrains of several kinds; see benches/RESULTS.md.
+const RATES: [f64; 2] = [8.0, 100.0];
+/// Bytes of a vertex in a file of the usual format, PLY, with its two triangles.
+const FILE_BYTES: f64 = 50.0;
+/// Rows of tiles in flight at any time.
+const ROWS_IN_FLIGHT: u64 = 3;
+
+/// What a TIN of a grid takes with tiles of the usual size. What depends on the mesh is told for a
+/// coarse and for a fine one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// Bytes of memory without which it cannot be made.
+    pub least_memory: u64,
+    /// Bytes it may use.
+    pub memory: u64,
+    /// Threads that fit.
+    pub threads: usize,
+    /// Shares of the samples that a coarse and a fine mesh keep.
+    pub kept: [f64; 2],
+    /// Nanoseconds a sample and thread.
+    pub nanoseconds_per_sample: [f64; 2],
+    /// Seconds, about.
+    pub seconds: [f64; 2],
+    /// Bytes of temporary disk for unfinished mesh that memory does not hold, about.
+    pub spill_bytes: [u64; 2],
+    /// Bytes of the mesh as PLY, about.
+    pub mesh_bytes: [u64; 2],
+}
+
+/// What a TIN of `source` would take within `resources`; `None` when it has no cell.
+pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<Cost> {
+    let layout = Layout::new(source.info().width, source.info().height, USUAL_TILE).ok()?;
+    let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
+    let worker = worker_bytes(layout.side(), false, false);
+    let least_memory = memory::least(worker, source.block_bytes());
+    let memory = resources.memory.max(least_memory);
+    let shares = memory::divide(memory, resources.threads, worker).ok()?;
+    let in_flight = width * height.min(ROWS_IN_FLIGHT * u64::from(USUAL_TILE));
+    Some(Cost {
+        least_memory,
+        memory: resources.memory,
+        threads: shares.threads,
+        kept: KEPT,
+        nanoseconds_per_sample: RATES,
+        seconds: RATES.map(|rate| seconds(width * height, rate, shares.threads)),
+        spill_bytes: KEPT.map(|kept| mesh_bytes(in_flight, kept).saturating_sub(shares.mesh)),
+        mesh_bytes: KEPT.map(|kept| ((width * height) as f64 * kept * FILE_BYTES) as u64),
+    })
+}
+
+/// Nanoseconds of one thread for a sample of a mesh that keeps a share of them, on the line through the
+/// measured rates.
+pub(super) fn nanoseconds(kept: f64) -> f64 {
+    let slope = (RATES[1] - RATES[0]) / (KEPT[1] - KEPT[0]);
+    (RATES[0] + slope * (kept - KEPT[0])).max(RATES[0])
+}
+
+/// Seconds for so many samples at a rate.
+pub(super) fn seconds(samples: u64, rate: f64, threads: usize) -> f64 {
+    plan::shared(samples as f64 * rate * 1e-9, threads)
+}
+
+/// Bytes of the mesh of so many samples: two triangles to a vertex, which has a height.
+fn mesh_bytes(samples: u64, kept: f64) -> u64 {
+    let vertex = 2 * size_of::<Triangle>() + size_of::<Local>() + size_of::<f64>();
+    (samples as f64 * kept * vertex as f64) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_raster::{OpenOptions, open};
+
+    fn cost_of(terrain: &str, threads: usize, memory: u64) -> Option<Cost> {
+        let source = open(terrain, &OpenOptions::default()).unwrap();
+        cost(source.as_ref(), &Resources { threads, memory, temp_dir: None })
+    }
+
+    #[test]
+    fn time_goes_with_samples_and_threads() {
+        let small = cost_of("synth:rough,size=1001", 1, 1 << 30).unwrap();
+        let large = cost_of("synth:rough,size=2001", 1, 1 << 30).unwrap();
+        assert!((large.seconds[1] / small.seconds[1] - 4.0).abs() < 0.01);
+        assert!(small.seconds[0] < small.seconds[1]);
+        let two = cost_of("synth:rough,size=2001", 2, 1 << 30).unwrap();
+        assert!((large.seconds[0] / two.seconds[0] - 1.85).abs() < 1e-9);
+        assert_eq!((two.threads, two.spill_bytes), (2, [0, 0]));
+    }
+
+    #[test]
+    fn threads_that_do_not_fit_are_left_out_and_too_little_memory_is_told() {
+        let needed = cost_of("synth:rough,size=2001", 8, 1 << 30).unwrap().least_memory;
+        let poor = cost_of("synth:rough,size=2001", 8, needed - 1).unwrap();
+        assert_eq!((poor.threads, poor.memory, poor.least_memory), (1, needed - 1, needed));
+        let most = cost_of("synth:rough,size=2001", 8, needed).unwrap();
+        assert_eq!(most.threads, 1);
+    }
+
+    #[test]
+    fn wide_fine_meshes_spill_in_little_memory() {
+        let cost = cost_of("synth:rough,width=1000000,height=100000", 2, 128 << 20).unwrap();
+        let [coarse, fine] = cost.spill_bytes;
+        assert!(coarse < fine && fine > 1 << 30, "{cost:?}");
+        assert!(cost.seconds[1] > 3600.0);
+    }
+
+    #[test]
+    fn a_single_row_has_no_mesh() {
+        assert_eq!(cost_of("synth:rough,width=9,height=1", 1, 1 << 30), None);
+    }
+}

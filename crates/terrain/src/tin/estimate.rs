@@ -1,0 +1,291 @@
+//! How large a mesh will be, from a few tiles spread over the grid.
+//!
+//! 256 tiles of 128 cells in 16 bands at most are made, which say more than a few large ones do of a grid
+//! of land and sea, and their standard error is added on top.
+
+use std::collections::HashMap;
+
+use super::budget::Trial;
+use super::layout::{Layout, TileId};
+use super::window::Window;
+use super::worker::tile_input;
+use terrane_base::error::Result;
+use terrane_engine::Cancel;
+use terrane_engine::workers;
+use terrane_raster::GridSource;
+use terrane_tin::{Scratch, Spec, TileMesh, triangulate_tile};
+
+/// One tile in this many is sampled, but no more than [`MOST_TILES`].
+const ONE_IN: u64 = 32;
+const MOST_TILES: u64 = 16;
+/// Cells along the tiles of a thorough look, one in this many of them at least, and so many of them: the
+/// same samples as of a few large tiles, but more evenly spread over land and sea.
+const FINE: u32 = 128;
+const FINE_ONE_IN: u64 = 4;
+const FINE_TILES: [u64; 2] = [64, 256];
+/// Rather too much than too little: the rims of tiles that were looked at alone say a little less.
+const MARGIN: f64 = 1.05;
+/// Halvings of the tolerance's range (on a logarithmic scale) for a first guess.
+const HALVINGS: u32 = 10;
+
+/// Multiples of it, without their whole parts, lie evenly however many there are.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+
+/// Vertices and triangles of a mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Size {
+    pub(super) vertices: u64,
+    pub(super) triangles: u64,
+}
+
+impl Size {
+    /// With so many vertices more.
+    pub(super) fn with(self, vertices: u64) -> Self {
+        Self { vertices: self.vertices + vertices, triangles: self.triangles + 2 * vertices }
+    }
+
+    fn times(self, share: f64) -> Self {
+        let times = |count: u64| (count as f64 * share) as u64;
+        Self { vertices: times(self.vertices), triangles: times(self.triangles) }
+    }
+}
+
+/// Triangulates the same few tiles at any tolerance, each at once on one of several threads.
+pub(super) struct Estimator<'a> {
+    source: &'a dyn GridSource,
+    layout: Layout,
+    threads: usize,
+    cancel: &'a Cancel,
+    tiles: Vec<TileId>,
+    /// What was found: a search comes back to the same tolerances again and again.
+    known: HashMap<u64, Vec<(u64, Size)>>,
+    /// Highest minus lowest height.
+    relief: Option<f64>,
+}
+
+impl<'a> Estimator<'a> {
+    /// Chooses the tiles.
+    pub(super) fn new(
+        source: &'a dyn GridSource,
+        layout: Layout,
+        threads: usize,
+        cancel: &'a Cancel,
+    ) -> Self {
+        let tiles = spread(&layout, (layout.tiles() / ONE_IN).clamp(1, MOST_TILES));
+        Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None }
+    }
+
+    /// Chooses smaller tiles, and more of them, in a few bands: those of a band are read together.
+    pub(super) fn thorough(
+        source: &'a dyn GridSource,
+        layout: Layout,
+        threads: usize,
+        cancel: &'a Cancel,
+    ) -> Result<Self> {
+        let layout = layout.finer(FINE)?;
+        let [least, most] = FINE_TILES;
+        let tiles = banded(&layout, (layout.tiles() / FINE_ONE_IN).clamp(least, most));
+        Ok(Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None })
+    }
+
+    /// The estimated size of the whole mesh.
+    pub(super) fn size(&mut self, spec: &Spec) -> Result<Size> {
+        self.sizes(spec).map(|sizes| self.whole(&sizes))
+    }
+
+    /// The same with what it is likely to be off by on top: the standard error of the sampled tiles.
+    pub(super) fn size_at_most(&mut self, spec: &Spec) -> Result<Size> {
+        let sizes = self.sizes(spec)?;
+        let size = self.whole(&sizes);
+        let a_sample = size.vertices as f64 / self.layout.samples() as f64;
+        let off = |(samples, own): &(u64, Size)| own.vertices as f64 - a_sample * *samples as f64;
+        let squares: f64 = sizes.iter().map(|size| off(size).powi(2)).sum();
+        // None where every tile was looked at.
+        let unseen = 1.0 - sizes.len() as f64 / self.layout.tiles() as f64;
+        let found: u64 = sizes.iter().map(|(_, own)| own.vertices).sum();
+        Ok(size.times(MARGIN + (squares * unseen).sqrt() / found.max(1) as f64))
+    }
+
+    /// Of all tiles, from the samples of some and what a mesh of these keeps.
+    fn whole(&self, sizes: &[(u64, Size)]) -> Size {
+        let mut found = Size::default();
+        for (_, own) in sizes {
+            found.vertices += own.vertices;
+            found.triangles += own.triangles;
+        }
+        let samples: u64 = sizes.iter().map(|(samples, _)| samples).sum();
+        found.times(self.layout.samples() as f64 / samples.max(1) as f64)
+    }
+
+    fn sizes(&mut self, spec: &Spec) -> Result<Vec<(u64, Size)>> {
+        self.look(spec, &[spec.tolerance])?;
+        Ok(self.known.get(&spec.tolerance.to_bits()).cloned().unwrap_or_default())
+    }
+
+    /// Makes meshes of the tiles at those of some tolerances that are not known yet.
+    fn look(&mut self, spec: &Spec, tolerances: &[f64]) -> Result<()> {
+        let is_new = |tolerance: &&f64| !self.known.contains_key(&tolerance.to_bits());
+        let new: Vec<f64> = tolerances.iter().filter(is_new).copied().collect();
+        let (count, mut made) = (self.tiles.len() as u64, Vec::new());
+        let this = &*self;
+        let size = |state: &mut (Window, Scratch), unit: u64| {
+            let spec = Spec { tolerance: new[(unit / count) as usize], ..*spec };
+            this.size_of(this.tiles[(unit % count) as usize], &spec, state)
+        };
+        let units = count * new.len() as u64;
+        let threads = self.threads.min(usize::try_from(units).unwrap_or(usize::MAX));
+        let start = || this.state();
+        workers::in_order(threads, units, self.cancel, start, size, |size| {
+            made.push(size);
+            Ok(())
+        })?;
+        for (tolerance, sizes) in new.iter().zip(made.chunks(count.max(1) as usize)) {
+            self.known.insert(tolerance.to_bits(), sizes.to_vec());
+        }
+        Ok(())
+    }
+
+    /// Buffers of a thread.
+    fn state(&self) -> (Window, Scratch) {
+        let mut scratch = Scratch::default();
+        scratch.stop_by(self.cancel);
+        (Window::default(), scratch)
+    }
+
+    /// Samples of a tile, and what a mesh of it keeps.
+    fn size_of(
+        &self,
+        tile: TileId,
+        spec: &Spec,
+        state: &mut (Window, Scratch),
+    ) -> Result<(u64, Size)> {
+        let mesh = self.triangulate(tile, spec, state)?;
+        let owned = self.layout.owned(tile);
+        let is_owned = |at: &&terrane_tin::Local| at.col() < owned.width && at.row() < owned.height;
+        let vertices = mesh.vertices.iter().filter(is_owned).count() as u64;
+        Ok((owned.len() as u64, Size { vertices, triangles: mesh.triangles.len() as u64 }))
+    }
+
+    /// A tolerance at which `count` of the mesh's size is about `budget`; it is above 0. Estimates are
+    /// taken to be off by the same factor as that for a trial.
+    pub(super) fn guess(
+        &mut self,
+        spec: &Spec,
+        budget: u64,
+        trial: Option<Trial>,
+        count: impl Fn(Size) -> u64,
+    ) -> Result<f64> {
+        let mut estimate = |tolerance| self.size(&Spec { tolerance, ..*spec }).map(&count);
+        let factor = match trial {
+            Some(trial) => estimate(trial.tolerance)? as f64 / trial.count.max(1) as f64,
+            None => 1.0,
+        };
+        let budget = budget as f64 * factor;
+        let relief = self.relief()?;
+        let (mut low, mut high) = ((relief * 1e-6).ln(), relief.ln());
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(low, high);
+            // Small tolerances take longest and come first: where a thread is free it looks at what is next then.
+            let next = f64::midpoint(middle, high);
+            let is_free = self.threads > self.tiles.len();
+            self.look(spec, &[middle.exp(), next.exp()][..1 + usize::from(is_free)])?;
+            let size = self.size(&Spec { tolerance: middle.exp(), ..*spec })?;
+            if count(size) as f64 > budget { low = middle } else { high = middle }
+        }
+        Ok(high.exp())
+    }
+
+    /// Highest minus lowest height of the sampled tiles; 1 when they are flat or void.
+    fn relief(&mut self) -> Result<f64> {
+        if let Some(relief) = self.relief {
+            return Ok(relief);
+        }
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        let mut window = Window::default();
+        for &tile in &self.tiles {
+            window.read(self.source, self.layout.rect(tile))?;
+            let heights = window.heights().f32;
+            low = heights.iter().copied().fold(low, f32::min);
+            high = heights.iter().copied().fold(high, f32::max);
+        }
+        let relief = f64::from(high) - f64::from(low);
+        let relief = if relief > 0.0 && relief.is_finite() { relief } else { 1.0 };
+        Ok(*self.relief.insert(relief))
+    }
+
+    fn triangulate(
+        &self,
+        tile: TileId,
+        spec: &Spec,
+        (window, scratch): &mut (Window, Scratch),
+    ) -> Result<TileMesh> {
+        self.cancel.check()?;
+        window.read(self.source, self.layout.apron(tile))?;
+        let input = tile_input(&self.layout, tile, window.heights(), (&[], &[]));
+        let mesh = triangulate_tile(&input, spec, scratch);
+        self.cancel.check()?;
+        Ok(mesh)
+    }
+}
+
+/// `count` tiles at the points of a rank-one lattice, which lie evenly in both directions.
+fn spread(layout: &Layout, count: u64) -> Vec<TileId> {
+    let place = |i: u64| {
+        let down = (i as f64 + 0.5) / count as f64;
+        let across = (0.5 + i as f64 * GOLDEN).fract();
+        let pick = |share: f64, most: u32| ((share * f64::from(most)) as u32).min(most - 1);
+        TileId::new(pick(down, layout.rows), pick(across, layout.cols))
+    };
+    let mut tiles: Vec<TileId> = (0..count).map(place).collect();
+    tiles.sort();
+    tiles.dedup();
+    tiles
+}
+
+/// `count` tiles, evenly in both directions, in so few rows of tiles that each has as many of them as it
+/// can.
+fn banded(layout: &Layout, count: u64) -> Vec<TileId> {
+    let aspect = f64::from(layout.rows) / f64::from(layout.cols);
+    let rows = (count as f64 * aspect).sqrt().ceil().clamp(1.0, f64::from(layout.rows)) as u64;
+    let cols = count.div_ceil(rows).min(layout.cols.into());
+    let at = |i: u64, count: u64, all: u32, shift: f64| {
+        ((i as f64 + shift) * f64::from(all) / count as f64) as u32 % all
+    };
+    // Each band begins elsewhere, so that columns are not sampled in step with what repeats in them.
+    let shift = |row: u64| (0.5 + row as f64 * GOLDEN).fract();
+    let tile = |row, col| {
+        TileId::new(at(row, rows, layout.rows, 0.5), at(col, cols, layout.cols, shift(row)))
+    };
+    (0..rows).flat_map(|row| (0..cols).map(move |col| tile(row, col))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_are_few_and_small_grids_are_looked_at_whole() {
+        for (cols, rows, count, bands) in [(200, 300, 256, 20), (300, 2, 256, 2), (3, 2, 6, 2)] {
+            let layout = Layout::new(cols * FINE + 1, rows * FINE + 1, FINE).unwrap();
+            let tiles = banded(&layout, 256);
+            let distinct: std::collections::HashSet<_> = tiles.iter().collect();
+            assert!(
+                distinct.len() == tiles.len() && tiles.len() as u64 >= count,
+                "{cols} x {rows}"
+            );
+            assert!(tiles.iter().all(|tile| tile.row < rows && tile.col < cols));
+            let rows: std::collections::HashSet<u32> = tiles.iter().map(|tile| tile.row).collect();
+            assert_eq!(rows.len(), bands, "{cols} x {rows:?}");
+        }
+    }
+
+    #[test]
+    fn tiles_are_spread_and_distinct() {
+        let layout = Layout::new(512 * 20, 512 * 30, 512).unwrap();
+        let tiles = spread(&layout, 16);
+        assert_eq!(tiles.len(), 16);
+        let cols: std::collections::HashSet<u32> = tiles.iter().map(|tile| tile.col / 5).collect();
+        assert_eq!(cols.len(), 4);
+        assert_eq!(spread(&Layout::new(100, 100, 512).unwrap(), 1), [TileId::new(0, 0)]);
+    }
+}

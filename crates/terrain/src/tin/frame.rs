@@ -1,0 +1,98 @@
+//! The system and the rectangle that a mesh of a grid is written in.
+
+use super::job::TinJob;
+use std::path::Path;
+use std::sync::Arc;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs, Point3};
+use terrane_crs::Operation;
+use terrane_engine::transform::{Extent, extent_of};
+use terrane_mesh::MeshFormat;
+use terrane_raster::GridInfo;
+
+/// Where a mesh is written.
+pub(super) struct Frame {
+    pub(super) crs: Crs,
+    /// World bounding box of the samples; z is not known.
+    pub(super) bounds: [Point3; 2],
+    /// The least that samples differ by along x and y; heights by any part of their unit.
+    pub(super) steps: Point3,
+    /// What leads there from the system of the grid, where that is another.
+    pub(super) operation: Option<Arc<Operation>>,
+}
+
+/// Positions along each side of a grid that tell where it lies in another system.
+const LATTICE: u32 = 33;
+
+impl Frame {
+    /// Of a grid in its own system, or in the one it is to be transformed to.
+    ///
+    /// # Errors
+    /// Those of operations; heights that change in a format that rounds them.
+    pub(super) fn new(info: &GridInfo, job: &TinJob, format: &MeshFormat) -> Result<Self> {
+        let own = Self {
+            crs: info.crs.clone(),
+            bounds: bounds(info),
+            steps: steps(info),
+            operation: None,
+        };
+        let Some(transform) = &job.transform else { return Ok(own) };
+        let input = job.input.to_string();
+        let source = (Path::new(&input), &info.crs);
+        let operation = transform.operation(source, Some(extent_of(info)), &job.resources)?;
+        if format.single_precision && !operation.keeps_heights() {
+            let message = format!("{} rounds heights, and they change on the way", format.name);
+            return Err(Error::unsupported(message)
+                .remedy("write PLY or OBJ, or name the system without heights"));
+        }
+        own.moved(operation)
+    }
+
+    fn moved(self, operation: Operation) -> Result<Self> {
+        let [low, high] = self.bounds;
+        let mut extent = Extent::NONE;
+        for at in (0..LATTICE * LATTICE).map(|i| [i % LATTICE, i / LATTICE]) {
+            let share = |axis: usize| f64::from(at[axis]) / f64::from(LATTICE - 1);
+            let place = |axis: usize| low[axis] + (high[axis] - low[axis]) * share(axis);
+            // What lies beyond the projection may be void.
+            if let Ok(position) = operation.position([place(0), place(1)]) {
+                extent.add(position);
+            }
+        }
+        let [x0, y0, x1, y1] = extent
+            .get()
+            .map_or_else(|| operation.position([low[0], low[1]]).map(|[x, y]| [x, y, x, y]), Ok)?;
+        let shrink = |axis: usize, side: f64| match high[axis] - low[axis] {
+            own if own > 0.0 => self.steps[axis] * side / own,
+            _ => self.steps[axis],
+        };
+        Ok(Self {
+            crs: operation.target().clone(),
+            bounds: [[x0, y0, f64::NAN], [x1, y1, f64::NAN]],
+            steps: [shrink(0, x1 - x0), shrink(1, y1 - y0), 1.0],
+            operation: Some(Arc::new(operation)),
+        })
+    }
+
+    /// What its user should know.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let Some(operation) = &self.operation else { return Vec::new() };
+        let bound = format!(
+            "the bound holds in {}: triangles are flat there, and a little off between their corners in {}",
+            operation.source().label(),
+            self.crs.label()
+        );
+        operation.notes().iter().cloned().chain([bound]).collect()
+    }
+}
+
+/// World bounding box of the samples; z is not known.
+pub(super) fn bounds(info: &GridInfo) -> [Point3; 2] {
+    let [x0, y0, x1, y1] = extent_of(info);
+    [[x0, y0, f64::NAN], [x1, y1, f64::NAN]]
+}
+
+fn steps(info: &GridInfo) -> Point3 {
+    let Affine { a, b, d, e, .. } = info.transform;
+    [a.abs().max(b.abs()), d.abs().max(e.abs()), 1.0]
+}

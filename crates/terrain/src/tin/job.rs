@@ -1,0 +1,113 @@
+//! What a grid-to-TIN job is asked to do.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::layout::USUAL_TILE;
+use super::refinement::Refinement;
+use terrane_base::error::{Error, Result};
+use terrane_engine::Resources;
+use terrane_engine::options::GridInput;
+use terrane_engine::placing::Placing;
+use terrane_engine::transform::Transform;
+use terrane_raster::Inputs;
+
+/// What the mesh has to reach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Goal {
+    /// No valid sample further than this from the surface, vertically.
+    MaxError(f64),
+    /// The smallest tolerance whose mesh has at most this many vertices.
+    MaxVertices(u64),
+    /// The smallest tolerance whose mesh has at most this many triangles.
+    MaxTriangles(u64),
+}
+
+impl Goal {
+    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
+    pub(super) fn check(self) -> Result<()> {
+        match self {
+            Self::MaxError(e) if !(e.is_finite() && e >= 0.0) => {
+                Err(Error::usage(format!("{e} is no maximum error"))
+                    .remedy("give a number of 0 or more, in the unit of the heights"))
+            }
+            Self::MaxVertices(0) | Self::MaxTriangles(0) => {
+                Err(Error::usage("a mesh of 0 vertices or triangles is no mesh")
+                    .remedy("allow at least 3 vertices"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TinJob {
+    /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
+    pub input: Inputs,
+    /// What is read of it.
+    #[serde(with = "terrane_options::as_map")]
+    pub reading: GridInput,
+    /// Mesh file to write.
+    #[serde(skip)]
+    pub output: PathBuf,
+    /// Mesh format by name; by the output's extension when `None`.
+    pub format: Option<String>,
+    /// Replace an existing output.
+    #[serde(skip)]
+    pub overwrite: bool,
+    /// Write a folder of meshes, each of so many by so many tiles.
+    #[serde(skip)]
+    pub split: Option<u32>,
+    /// STL and 3MF: close the surface down to this height.
+    #[serde(skip)]
+    pub solid_base: Option<f64>,
+    /// The same so far below the lowest height, in millimetres of the print.
+    #[serde(skip)]
+    pub base: Option<f64>,
+    /// How the mesh lies in a file of its own coordinates.
+    #[serde(skip)]
+    pub placing: Placing,
+    /// The system to write in; that of the grid when `None`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transform: Option<Transform>,
+    /// What to reach.
+    #[serde(flatten)]
+    pub goal: Goal,
+    /// How.
+    #[serde(with = "terrane_options::as_map")]
+    pub refinement: Refinement,
+    /// Cells along a tile's side.
+    pub tile: u32,
+    /// Measure maximum error and RMSE for the report.
+    #[serde(skip)]
+    pub measure: bool,
+    /// What the job may use.
+    #[serde(skip)]
+    pub resources: Resources,
+}
+
+impl TinJob {
+    /// The job with everything else at its default, errors measured.
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: Goal) -> Self {
+        Self {
+            input: input.into(),
+            reading: GridInput::default(),
+            output: output.into(),
+            format: None,
+            overwrite: false,
+            split: None,
+            solid_base: None,
+            base: None,
+            placing: Placing::default(),
+            transform: None,
+            goal,
+            refinement: Refinement::default(),
+            tile: USUAL_TILE,
+            measure: true,
+            resources: Resources::default(),
+        }
+    }
+}

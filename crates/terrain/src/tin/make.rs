@@ -1,0 +1,553 @@
+//! The whole job: open, check, find the tolerance, triangulate into the file, report.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::estimate::Size;
+use super::frame::{Frame, bounds};
+use super::height_origin::height_origin;
+use super::job::{Goal, TinJob};
+use super::layout::{Layout, checked_tile};
+use super::refinement::Refinement;
+use super::report::{FlawReport, TinReport};
+use super::run::{Outcome, Settings};
+use super::seek::{Seeker, run_stage};
+use terrane_base::bound::Bound;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Point3, Rounding};
+use terrane_baselines::Triangulation;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::bands::Bands;
+use terrane_engine::beside;
+use terrane_engine::figures::Figures;
+use terrane_engine::input::grid_stats;
+use terrane_engine::kept::{Features, Kept};
+use terrane_engine::memory::{self, Shares};
+use terrane_engine::outputs::refuse_file_name;
+use terrane_engine::placing::Placed;
+use terrane_engine::transform::{MovingMesh, Transformed};
+use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
+use terrane_files::folder_for;
+use terrane_mesh::split::{self, Blocks};
+use terrane_mesh::{
+    self as mesh, Channel, FittedHeights, MaxError, MeshFormat, MeshHeader, MeshSink, Promises,
+    SinkOptions, check_prj, write_prj,
+};
+use terrane_raster::{
+    self as raster, GridInfo, GridSource, Inputs, OpenOptions, Upright, Water, WaterReport,
+};
+use terrane_tin::Spec;
+
+/// Runs a job from file to file.
+///
+/// What is wrong with the request is found before the work starts: an output that exists or cannot
+/// be created, a format that cannot hold the mesh, too little memory. The output appears whole at
+/// the end or not at all. A budget of vertices or triangles takes several complete runs that only
+/// count.
+///
+/// # Errors
+/// `Usage` for a goal, tile or name that makes no sense and for a budget below the coarsest mesh;
+/// `BadInput`, `Unsupported`, `Limit` from the input, also when it has no surface; `CannotWrite`
+/// and `Io` from the output and the temporary file; `Resource` when the memory does not suffice;
+/// `Interrupted`; `Internal` for a caught fault of the program, naming the tile.
+pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TinReport> {
+    let started = Instant::now();
+    job.goal.check()?;
+    refuse_existing(&job.output, job.overwrite)?;
+    let opened = Opened::new(job)?;
+    let report = Maker { job, opened: &opened, progress, cancel }.make();
+    let mut report = report.map_err(|error| in_input(error, &job.input))?;
+    report.took(started.elapsed());
+    Ok(report)
+}
+
+/// What a job works with: its input, its format, and the shares of its memory.
+pub(super) struct Opened {
+    pub(super) source: Box<dyn GridSource>,
+    pub(super) format: &'static MeshFormat,
+    /// What heights are stored relative to, where the format stores them in f32.
+    pub(super) height_origin: Option<f64>,
+    pub(super) placed: Placed,
+    /// The system that the mesh is written in.
+    pub(super) frame: Frame,
+    notes: Vec<String>,
+    pub(super) shares: Shares,
+    /// Samples that stay vertices, and breaklines.
+    pub(super) kept: Kept,
+    /// What is made level.
+    water: Option<Arc<Water>>,
+    /// What vertices have beside their positions.
+    pub(super) carried: Carried,
+    /// What the kernel is told, for whatever tolerance.
+    spec: Spec,
+}
+
+impl Opened {
+    /// Opens the input of `job` and divides its memory.
+    pub(super) fn new(job: &TinJob) -> Result<Self> {
+        let options = options(job)?;
+        let features = job.refinement.features(options.water.as_ref(), &job.resources)?;
+        let mut opened = Self::with(job, || open(job, &options, &features))?;
+        opened.water = options.water;
+        opened.spec.data_dependent = job.refinement.is_data_dependent();
+        opened.kept = features.on(opened.source.info())?;
+        Ok(opened)
+    }
+
+    /// The same, with an input that is opened in another way, and nothing to keep.
+    pub(super) fn with(
+        job: &TinJob,
+        open: impl FnOnce() -> Result<memory::Opened>,
+    ) -> Result<Self> {
+        let format = mesh::by_path(&job.output, job.format.as_deref())?;
+        let (source, shares) = open()?;
+        source.info().check_cells().map_err(|error| in_input(error, &job.input))?;
+        let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
+        let height_origin = format.single_precision.then(origin).transpose()?;
+        let info = source.info();
+        let frame = Frame::new(info, job, format)?;
+        let (placed, mut notes) =
+            job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
+        notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
+        let (kept, carried) = (Kept::default(), Carried::default());
+        let spec = job.refinement.spec(&info.transform)?;
+        let water = None;
+        let mut opened = Self {
+            source,
+            format,
+            height_origin,
+            placed,
+            frame,
+            notes,
+            shares,
+            kept,
+            water,
+            carried,
+            spec,
+        };
+        opened.spec.single_precision = opened.rounding();
+        opened.spec.measure = job.measure;
+        // The engine's own way.
+        opened.spec.data_dependent = false;
+        Ok(opened)
+    }
+}
+
+impl Opened {
+    /// What becomes of heights in the file, where it stores them in f32.
+    pub(super) fn rounding(&self) -> Option<Rounding> {
+        let scale = self.placed.scale[2];
+        self.height_origin.map(|origin| Rounding { origin, scale })
+    }
+}
+
+/// What vertices have beside their positions, and how they are connected.
+#[derive(Default)]
+pub(super) struct Carried {
+    pub(super) channels: Vec<Channel>,
+    /// Those that the channels are of.
+    pub(super) bands: Option<Bands>,
+    /// What triangles are called that are not Delaunay.
+    pub(super) triangulation: Option<&'static str>,
+}
+
+impl Carried {
+    /// Tells the file of it.
+    fn tell(&self, header: &mut MeshHeader, tolerance: f64) {
+        header.channels.clone_from(&self.channels);
+        let promises = &mut header.promises;
+        if let Some(bands) = &self.bands {
+            bands.promise(promises, tolerance);
+        }
+        if let Some(name) = self.triangulation {
+            promises.triangulation = Some(name.to_owned());
+        }
+    }
+}
+
+/// Opens the input of `job` and divides its memory, of which `features` are held; a tile is not larger than the
+/// grid.
+fn open(job: &TinJob, options: &OpenOptions, features: &Features) -> Result<memory::Opened> {
+    // To count what is held with each worker allows for a little more than there is.
+    let (held, follows) = (features.bytes(), features.has_lines());
+    let worker = |tile| held + job.refinement.worker_bytes(job.goal, tile, follows);
+    open_tiled(&job.input, options, job.tile, worker, &job.resources)
+}
+
+/// How to open the input of `job`.
+pub(super) fn options(job: &TinJob) -> Result<OpenOptions> {
+    job.reading.options(&job.resources, OpenOptions::default().cache_bytes)
+}
+
+/// Opens `input` for workers on tiles of `tile` cells, which take so many bytes.
+pub(super) fn open_tiled(
+    input: &Inputs,
+    options: &OpenOptions,
+    tile: u32,
+    worker: impl Fn(u32) -> u64,
+    resources: &Resources,
+) -> Result<memory::Opened> {
+    let open = |tile| {
+        let (source, shares) = memory::open(input, options, resources, worker(tile))?;
+        Ok((Box::new(Upright::new(source)) as Box<dyn GridSource>, shares))
+    };
+    let tile = checked_tile(tile)?;
+    open(tile)
+        .or_else(|error: Error| {
+            let too_large = |_: &Error| {
+                let source = memory::look_at(input, options).ok()?;
+                let GridInfo { width, height, .. } = *source.info();
+                Layout::new(width, height, tile).ok().map(|layout| layout.side())
+            };
+            let side = Some(&error).filter(|error| error.kind() == ErrorKind::Resource);
+            match side.and_then(too_large) {
+                Some(side) if side < tile => open(side),
+                _ => Err(error),
+            }
+        })
+        .map_err(memory::or_smaller_tiles)
+}
+
+/// Errors about the content of the input name it.
+pub(super) fn in_input(error: Error, input: &Inputs) -> Error {
+    use ErrorKind::{BadInput, Internal, Limit, Unsupported};
+    match error.kind() {
+        BadInput | Internal | Limit | Unsupported => error.in_file(Path::new(&input.to_string())),
+        _ => error,
+    }
+}
+
+/// An opened job.
+pub(super) struct Maker<'a> {
+    pub(super) job: &'a TinJob,
+    pub(super) opened: &'a Opened,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl Maker<'_> {
+    fn make(&self) -> Result<TinReport> {
+        self.check_output()?;
+        let (tolerance, trials) = self.tolerance()?;
+        self.complete(tolerance, trials, |sink, spec| self.run(sink, spec))
+    }
+
+    /// Writes the mesh that `write` hands to the sink it is given, and reports on it.
+    pub(super) fn complete(
+        &self,
+        tolerance: f64,
+        trials: u32,
+        write: impl FnOnce(Box<dyn MeshSink>, Spec) -> Result<Outcome>,
+    ) -> Result<TinReport> {
+        let (job, info) = (self.job, self.opened.source.info());
+        let height = self.opened.height_origin.unwrap_or(0.0);
+        let spec = self.spec(tolerance);
+        let from = Origin {
+            input: &beside::source(&job.input),
+            clip: job.reading.clip.as_deref().map(beside::label_of),
+            water: job.reading.water.as_deref().map(beside::label_of),
+            refinement: &job.refinement,
+        };
+        let mut header = header(info, from, &spec, height);
+        self.opened.carried.tell(&mut header, tolerance);
+        self.opened.frame.tell(&mut header, height);
+        header.scale = self.opened.placed.scale;
+        header.unit.clone_from(&self.opened.placed.unit);
+        header.origin = self.opened.placed.origin(header.origin, header.bounds);
+        let solid_base = self.solid_base(&mut header)?;
+        let bottom = solid_base.filter(|_| job.base.is_some()).map(bottom_note);
+        let options = SinkOptions {
+            overwrite: job.overwrite,
+            solid_base,
+            temp_dir: job.resources.temp_dir.clone(),
+        };
+        let sink = match self.blocks()? {
+            None => (self.opened.format.create)(&job.output, &header, &options)?,
+            Some(blocks) => {
+                split::create(&job.output, self.opened.format, &header, &options, blocks)?
+            }
+        };
+        let sink = match &self.opened.frame.operation {
+            None => sink,
+            Some(operation) => Box::new(MovingMesh::new(sink, operation.clone())),
+        };
+        let outcome = write(sink, self.spec(tolerance))?;
+        let prj = match job.split {
+            None => write_prj(&job.output, &self.opened.frame.crs, job.overwrite)?,
+            Some(_) => None,
+        };
+        let mut report = self.report(tolerance, trials, outcome, prj)?;
+        report.notes.extend(bottom);
+        Ok(report)
+    }
+
+    /// The height of a solid's bottom, if it is to be one, by the lowest of all heights, which goes into
+    /// the header. Fails before the work when the bottom is not below it.
+    fn solid_base(&self, header: &mut MeshHeader) -> Result<Option<f64>> {
+        let Self { job, opened, progress, cancel } = self;
+        if job.solid_base.is_none() && job.base.is_none() {
+            return Ok(None);
+        }
+        let stats = grid_stats(&*opened.source, &job.resources, *progress, cancel)?;
+        let (Some(lowest), Some(highest)) = (stats.min, stats.max) else {
+            return Ok(job.solid_base);
+        };
+        (header.bounds[0][2], header.bounds[1][2]) = (lowest, highest);
+        let below = |thickness: f64| lowest - thickness / opened.placed.scale[2];
+        // The print is stored in millimetres.
+        let base = job.solid_base.or_else(|| job.base.map(below));
+        match base.filter(|base| lowest <= *base) {
+            Some(base) => Err(Error::usage(format!(
+                "the lowest height is {lowest}, and the solid's base is to be at {base}"
+            ))
+            .remedy(format!("choose a base below {lowest}"))),
+            None => Ok(base),
+        }
+    }
+
+    /// How the mesh is divided among files, if it is.
+    fn blocks(&self) -> Result<Option<Blocks>> {
+        let Some(tiles) = self.job.split else { return Ok(None) };
+        let info = self.opened.source.info();
+        let cells = tiles.checked_mul(self.job.tile).filter(|cells| *cells > 0);
+        let cells = cells.ok_or_else(|| Error::usage(format!("{tiles} tiles make no block")))?;
+        let samples = [info.width, info.height];
+        Ok(Some(Blocks { cells, samples, to_world: info.transform }))
+    }
+
+    /// The tiling.
+    pub(super) fn layout(&self) -> Result<Layout> {
+        let info = self.opened.source.info();
+        Layout::new(info.width, info.height, self.job.tile)
+    }
+
+    /// Finds out before the work that the output can be created.
+    pub(super) fn check_output(&self) -> Result<()> {
+        let Self { job, .. } = self;
+        if job.split.is_some() && job.transform.is_some() {
+            let message = "a mesh in many files keeps to the rows and columns of its grid";
+            return Err(Error::usage(message).remedy("leave one of ‹split› and ‹to_crs› out"));
+        }
+        if job.split.is_some() {
+            refuse_file_name(&job.output)?;
+            return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
+                .map(drop);
+        }
+        drop(AtomicFile::create(&self.job.output, self.job.overwrite)?);
+        check_prj(&self.job.output, &self.opened.frame.crs, self.job.overwrite)
+    }
+
+    /// The tolerance to run with, and how many trials it took to find it; fails when the format will not
+    /// hold the mesh.
+    pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
+        let (layout, folder) = (self.layout()?, self.temp_dir());
+        let settings = self.settings(self.spec(0.0), folder);
+        let seeker = Seeker { source: &*self.opened.source, layout, settings };
+        let most = seeker.most();
+        match self.job.goal {
+            // Hardly any mesh keeps all samples.
+            Goal::MaxError(tolerance) => {
+                self.check_size(most).or_else(|_| self.check_size(seeker.estimate(tolerance)?))?;
+            }
+            Goal::MaxVertices(vertices) if vertices < most.vertices => {
+                self.check_size(Size { vertices, triangles: vertices })?;
+            }
+            Goal::MaxTriangles(triangles) if triangles < most.triangles => {
+                self.check_size(Size { vertices: triangles / 2, triangles })?;
+            }
+            Goal::MaxVertices(_) | Goal::MaxTriangles(_) => self.check_size(most)?,
+        }
+        seeker.tolerance(self.job.goal)
+    }
+
+    /// Fails when the format will not hold a mesh of `size`, or a block's share of it.
+    fn check_size(&self, size: Size) -> Result<()> {
+        let share = self.blocks()?.map_or(1.0, |blocks| blocks.largest_share());
+        let [vertices, triangles] =
+            [size.vertices, size.triangles].map(|count| (count as f64 * share).ceil() as u64);
+        self.opened.format.check_capacity(vertices, triangles)
+    }
+
+    pub(super) fn spec(&self, tolerance: f64) -> Spec {
+        Spec { tolerance, ..self.opened.spec }
+    }
+
+    fn run(&self, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
+        let settings = self.settings(spec, self.temp_dir());
+        run_stage("triangulate", &*self.opened.source, sink, self.layout()?, &settings)
+    }
+
+    /// How to run the core.
+    pub(super) fn settings<'a>(&'a self, spec: Spec, temp_dir: &'a Path) -> Settings<'a> {
+        Settings {
+            spec,
+            tile: self.job.tile,
+            kept: &self.opened.kept,
+            threads: self.opened.shares.threads,
+            mesh_bytes: self.opened.shares.mesh,
+            temp_dir,
+            order_seed: None,
+            progress: self.progress,
+            cancel: self.cancel,
+        }
+    }
+
+    /// Where to spill: beside the output unless told otherwise.
+    fn temp_dir(&self) -> &Path {
+        folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
+    }
+
+    fn report(
+        &self,
+        tolerance: f64,
+        trials: u32,
+        outcome: Outcome,
+        prj: Option<PathBuf>,
+    ) -> Result<TinReport> {
+        let layout = self.layout()?;
+        let (job, info) = (self.job, self.opened.source.info());
+        let surface = (outcome.valid - outcome.isolated).max(1) as f64;
+        let measured = |value: f64| job.measure.then_some(value);
+        let water = self.opened.water.as_ref().and_then(|water| water.report());
+        let rising = water.iter().flat_map(WaterReport::notes);
+        let notes = self.opened.notes.iter().cloned().chain(self.opened.frame.crs.lost_in_wkt());
+        let odd = outcome.odd_range.filter(|_| outcome.suspects.is_none());
+        let odd = odd.and_then(|range| raster::no_terrain(info, range));
+        let notes = notes.chain(rising).chain(odd).collect();
+        Ok(TinReport {
+            input: job.input.to_string(),
+            output: job.output.display().to_string(),
+            format: self.opened.format.name.to_owned(),
+            width: info.width,
+            height: info.height,
+            crs: info.crs.label(),
+            transformed: self.opened.frame.operation.as_deref().map(Transformed::of),
+            horizontal_unit: info.crs.horizontal_units().to_owned(),
+            vertical_unit: info.crs.heights_unit().unwrap_or("units").to_owned(),
+            method: None,
+            triangulation: (self.opened.spec.data_dependent)
+                .then(|| Triangulation::DataDependent.name().to_owned()),
+            bands: Vec::new(),
+            tolerance,
+            bound: job.refinement.bound,
+            fit: job.refinement.fit,
+            min_angle: job.refinement.min_angle,
+            max_error: measured(outcome.max_error),
+            rmse: measured((outcome.square_sum / surface).sqrt()),
+            samples: layout.samples(),
+            valid_samples: outcome.valid,
+            isolated_samples: outcome.isolated,
+            suspected_nodata: outcome.suspects.map(|(value, _)| value),
+            suspected_samples: outcome.suspects.map(|(_, count)| count),
+            vertices: outcome.vertices,
+            triangles: outcome.triangles,
+            kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
+            keep_points: self.opened.kept.report(outcome.kept, outcome.kept),
+            breaklines: self.opened.kept.lines().report(outcome.apart.count),
+            water,
+            apart: (outcome.apart.count > 0)
+                .then(|| FlawReport::of(outcome.apart, &info.transform)),
+            thin_triangles: (job.refinement.min_angle)
+                .map(|_| FlawReport::of(outcome.thin, &info.transform)),
+            output_bytes: outcome.output_bytes,
+            prj: prj.map(|path| path.display().to_string()),
+            placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
+            notes,
+            tiles: layout.tiles(),
+            tile_cells: layout.side(),
+            trials,
+            stages: outcome.stages,
+            run: Figures::since(Instant::now(), &job.resources)
+                .with_threads(self.opened.shares.threads)
+                .with_spilled(outcome.spilled_bytes),
+            samples_per_second: 0.0,
+        })
+    }
+}
+
+/// Where a mesh comes from: the names of its grid, of polygons that this was clipped to and of its water, and what
+/// was asked.
+pub(super) struct Origin<'a> {
+    pub(super) input: &'a str,
+    pub(super) clip: Option<String>,
+    pub(super) water: Option<String>,
+    pub(super) refinement: &'a Refinement,
+}
+
+/// What a file of the mesh is told of it.
+pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64) -> MeshHeader {
+    let bounds = bounds(info);
+    let unit = info.crs.heights_unit().map(str::to_owned);
+    MeshHeader {
+        crs: info.crs.clone(),
+        origin: origin(bounds, height),
+        scale: [1.0; 3],
+        unit: None,
+        bounds,
+        promises: promises(from, spec, unit),
+        channels: Vec::new(),
+    }
+}
+
+/// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
+fn promises(from: Origin<'_>, spec: &Spec, unit: Option<String>) -> Promises {
+    let [kept, lines] = from.refinement.files();
+    Promises {
+        source: Some(from.input.to_owned()),
+        max_error: Some(MaxError { value: spec.tolerance, unit }),
+        bound: (spec.bound != Bound::Samples).then_some(spec.bound),
+        fitted: spec.fit.then_some(FittedHeights),
+        triangulation: (spec.data_dependent)
+            .then(|| Triangulation::DataDependent.name().to_owned()),
+        min_angle: spec.min_angle.map(|least| least.degrees()),
+        clip: from.clip,
+        water: from.water,
+        keep_points: kept.map(beside::label_of),
+        breaklines: lines.map(beside::label_of),
+        ..Promises::default()
+    }
+}
+
+impl Frame {
+    /// Tells the file of the system that it is in.
+    fn tell(&self, header: &mut MeshHeader, height: f64) {
+        let Some(operation) = &self.operation else { return };
+        header.crs = self.crs.clone();
+        header.bounds = self.bounds;
+        header.origin = origin(self.bounds, height);
+        header.promises.transformed_from = Some(operation.source().label());
+    }
+}
+
+/// What is told of a bottom that was found by the lowest height of this grid.
+fn bottom_note(height: f64) -> String {
+    format!(
+        "‹base› counts from the lowest height of each print, so the bottom is at {height} here; for prints that meet, \
+         pass one height below all of them to each, with ‹co› SOLID_BASE=HEIGHT in place of ‹base›"
+    )
+}
+
+/// The centre, rounded to a multiple of a power of two that is small against the extent: few
+/// digits, and subtracted without rounding.
+fn origin([low, high]: [Point3; 2], height: f64) -> Point3 {
+    let extent = (high[0] - low[0]).max(high[1] - low[1]);
+    let unit = (extent / 8.0).log2().floor().exp2();
+    let round = |axis: usize| (f64::midpoint(low[axis], high[axis]) / unit).round() * unit;
+    [round(0), round(1), height]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_origin_is_short_and_near_the_centre() {
+        let bounds = [[500_010.3, 4_100_000.0, f64::NAN], [504_106.3, 4_104_096.0, f64::NAN]];
+        assert_eq!(origin(bounds, 0.0), [502_272.0, 4_102_144.0, 0.0]);
+        let degrees = [[-125.0, 48.0, f64::NAN], [-124.0, 49.0, f64::NAN]];
+        assert_eq!(origin(degrees, 4096.0), [-124.5, 48.5, 4096.0]);
+    }
+}

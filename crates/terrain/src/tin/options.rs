@@ -1,0 +1,278 @@
+//! Options of meshes of grids.
+
+use std::path::Path;
+
+use terrane_options::{Codec, Options, Range, Rule, check, settled};
+
+use super::names::{GREEDY, MeshMethodName};
+use super::{
+    Goal, Refinement, TILE_CELLS, Textbook, TinJob, TinReport, USUAL_TILE, run, run_bands, run_by,
+    run_in,
+};
+use terrane_base::error::{Error, Result};
+use terrane_base::registry;
+use terrane_baselines::{METHODS, Method, Triangulation};
+use terrane_engine::Resources;
+use terrane_engine::bands::Bands;
+use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::options::{
+    Constraints, FileOutput, Finite, GridInput, KeyValue, PrintLength, Reprojection, Resuming,
+};
+use terrane_engine::outputs::refuse_file_name;
+use terrane_engine::placing::Placing;
+use terrane_mesh::{self as mesh, Carries, MeshFormat};
+use terrane_raster::Inputs;
+
+terrane_engine::has_within!(TinOptions: Refinement => [Constraints]);
+
+/// What a mesh has to reach
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Target", setters = group, rules = OF_TARGET)]
+#[non_exhaustive]
+pub struct Target {
+    /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
+    #[option(value = "E", range = Range::FROM_ZERO)]
+    pub max_error: Option<f64>,
+    /// The smallest error that this many vertices allow
+    #[option(value = "N", range = Range::new(3.0, f64::MAX), role = Run)]
+    pub max_vertices: Option<u64>,
+    /// The smallest error that this many triangles allow
+    #[option(value = "N", range = Range::new(1.0, f64::MAX), role = Run)]
+    pub max_triangles: Option<u64>,
+}
+
+const OF_TARGET: &[Rule] =
+    &[Rule::OneOf(&["max_error", "max_vertices", "max_triangles"], "target")];
+
+impl Target {
+    /// As jobs have it.
+    ///
+    /// # Errors
+    /// Usage: there is none, or more than one.
+    pub fn goal(&self) -> Result<Goal> {
+        check(self)?;
+        // Without the sign that a zero may have.
+        let error = self.max_error.map(|error| Goal::MaxError(error.abs()));
+        let vertices = self.max_vertices.map(Goal::MaxVertices);
+        let goal = error.or(vertices).or(self.max_triangles.map(Goal::MaxTriangles));
+        goal.ok_or_else(|| Error::usage("no target given").remedy("pass ‹max_error›"))
+    }
+}
+
+/// Simplify a grid into a triangle mesh with a proven vertical error bound
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+#[non_exhaustive]
+pub struct TinOptions {
+    /// What it has to reach.
+    #[option(flatten)]
+    pub target: Target,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// The mesh file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// Option of the format: SOLID_BASE=HEIGHT closes an STL or 3MF with walls and a flat bottom
+    #[option(value = "KEY=VAL", with = KeyValue, role = Run, heading = "Output")]
+    pub co: Vec<(String, String)>,
+    /// Write a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
+    #[option(value = "N", range = Range::new(1.0, 65_536.0), role = Run, heading = "Output")]
+    pub split: Option<u32>,
+    /// How the mesh lies in its file.
+    #[option(flatten)]
+    pub placing: Placing,
+    /// For STL and 3MF: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
+    #[option(value = "LENGTH", with = PrintLength, role = Run,
+             heading = "Viewers and printers (STL, 3MF and GLB)")]
+    pub base: Option<f64>,
+    /// The system to write in.
+    #[option(flatten)]
+    pub reprojection: Reprojection,
+    /// How the mesh is refined.
+    #[option(flatten)]
+    pub refinement: Refinement,
+    /// How the mesh is made; all methods but greedy hold the whole grid in memory
+    #[option(value = "NAME", with = MeshMethodName, default = GREEDY.to_owned(), role = Run, heading = "Method")]
+    pub method: String,
+    /// Cells along the side of a tile, 16 to 8192
+    #[option(value = "CELLS", default = USUAL_TILE, heading = "Method",
+             range = Range::new(*TILE_CELLS.start() as f64, *TILE_CELLS.end() as f64))]
+    pub tile: u32,
+    /// Bands that share one mesh, such as 1,2,3 for the colours of a photograph: the error of a sample is the
+    /// largest over them of weight x |value - mesh|. The mesh has their values at its vertices; heights are
+    /// those of ‹band›, one of them, if it is given, and 0 else
+    #[option(value = "N,..", range = Range::new(1.0, u32::MAX as f64), role = Run, heading = "Several bands")]
+    pub bands: Vec<u32>,
+    /// How much an error in each band counts
+    #[option(value = "W,..", range = Range::POSITIVE, role = Run, heading = "Several bands", default_text = "1 each")]
+    pub weights: Vec<f64>,
+    /// Where work is kept.
+    #[option(flatten)]
+    pub resuming: Resuming,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// What greedy insertion in tiles alone can do.
+const OF_GREEDY: &[&str] = &[
+    "workdir",
+    "split",
+    "keep_points",
+    "breaklines",
+    "strict",
+    "drop",
+    "fit",
+    "min_angle",
+    "water",
+    "tile",
+    "bound=surface",
+];
+
+const RULES: &[Rule] = &[
+    Rule::NotWith("workdir", &["max_vertices", "max_triangles"]),
+    Rule::NotWith("workdir", &["base", "keep_degrees", "size", "scale", "exaggeration"]),
+    Rule::Needs("base", &["size", "scale"]),
+    Rule::NotWith("base", &["co"]),
+    Rule::NotWith("water", &["min_angle", "fit"]),
+    Rule::Needs("weights", &["bands"]),
+    Rule::NotWith("bands", &["method", "triangulation"]),
+    Rule::NotWith("bands", OF_GREEDY),
+    Rule::NotWith("method!=greedy", OF_GREEDY),
+];
+
+impl TinOptions {
+    /// The method, where it is not greedy insertion in tiles.
+    pub(super) fn textbook(&self) -> Result<Option<Textbook>> {
+        let triangulation = self.refinement.triangulation;
+        if self.method == GREEDY {
+            return match triangulation {
+                Some(Triangulation::Split3) => Err(not_of(GREEDY, "triangulation=split3").remedy(
+                    "leave it out, or choose a ‹method› that leaves the triangulation open",
+                )),
+                _ => Ok(None),
+            };
+        }
+        let method: &'static Method = registry::named(METHODS, &self.method)?;
+        let Target { max_vertices, max_triangles, .. } = &self.target;
+        let of_some = [
+            ("triangulation", triangulation.is_some() && !method.takes_triangulation),
+            ("max_vertices", max_vertices.is_some() && !method.takes_budget),
+            ("max_triangles", max_triangles.is_some() && !method.takes_budget),
+        ];
+        match of_some.into_iter().find(|(_, is_missing)| *is_missing) {
+            Some(("triangulation", _)) => Err(not_of(method.name, "triangulation")
+                .remedy("leave it out, or choose a ‹method› that leaves the triangulation open")),
+            Some((option, _)) => {
+                Err(not_of(method.name, option).remedy("pass ‹max_error› instead"))
+            }
+            None => {
+                let triangulation = triangulation.unwrap_or_default();
+                Ok(Some(Textbook { method, triangulation }))
+            }
+        }
+    }
+
+    /// The bands that share the mesh, if any do.
+    ///
+    /// # Errors
+    /// Usage: bands and weights that do not fit together.
+    pub fn shared(&self) -> Result<Option<Bands>> {
+        let bands = || Bands::new(&self.bands, &self.weights, self.grid.band);
+        (!self.bands.is_empty()).then(bands).transpose()
+    }
+
+    /// The format to write. Fails where it does not hold what is asked for.
+    fn format(&self, output: &Path) -> Result<&'static MeshFormat> {
+        let usual = self.split.map(|_| "PLY");
+        let format = mesh::by_path(output, self.file.format.as_deref().or(usual))?;
+        if self.split.is_some() {
+            refuse_file_name(output)?;
+        }
+        if !self.bands.is_empty() && format.carries == Carries::Nothing {
+            return Err(Error::usage(format!("{} has no room for ‹bands›", format.name))
+                .remedy("write PLY, or GLB for three or four bands of 8 bits"));
+        }
+        let name = format.name;
+        let (option, message) = match (self.solid_base()?, self.base) {
+            _ if format.can_be_solid => return Ok(format),
+            (None, None) => return Ok(format),
+            (Some(_), _) => ("co", format!("{name} has no option SOLID_BASE")),
+            (None, Some(_)) => {
+                ("base", format!("‹base› is for STL and 3MF, and {name} holds no solids"))
+            }
+        };
+        Err(Error::usage(message).remedy(format!("write STL or 3MF, or leave ‹{option}› out")))
+    }
+
+    /// The height of the bottom of a solid.
+    fn solid_base(&self) -> Result<Option<f64>> {
+        let height = |(key, value): &(String, String)| {
+            let wrong =
+                |remedy: &str| Error::usage(format!("‹co› is \"{key}={value}\"")).remedy(remedy);
+            match key.eq_ignore_ascii_case("SOLID_BASE") {
+                true => Finite::parse(value).map_err(|_| wrong("give SOLID_BASE a number")),
+                false => Err(wrong("the only option known is SOLID_BASE=HEIGHT")),
+            }
+        };
+        self.co.iter().map(height).next_back().transpose()
+    }
+
+    /// The job on some files.
+    ///
+    /// # Errors
+    /// Options that do not go together, or not with the format of the output.
+    pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<TinJob> {
+        let own = settled(self)?;
+        Ok(TinJob {
+            transform: own.reprojection.transform(),
+            reading: own.grid,
+            refinement: own.refinement,
+            format: Some(self.format(output)?.name.to_owned()),
+            overwrite: self.file.replacing.overwrite,
+            split: self.split,
+            solid_base: self.solid_base()?,
+            base: self.base,
+            placing: self.placing,
+            tile: self.tile,
+            resources: self.resources.clone(),
+            ..TinJob::new(inputs.clone(), output, self.target.goal()?)
+        })
+    }
+}
+
+/// The error of an option that a method does not have.
+fn not_of(method: &str, option: &str) -> Error {
+    Error::usage(format!("the method {method} has no ‹{option}›"))
+}
+
+impl Operation for TinOptions {
+    const NAME: &'static str = "tin";
+    type Input = GridInput;
+    const WRITES: Writes = Writes::Mesh;
+    type Report = TinReport;
+
+    fn is_folder(&self) -> bool {
+        self.split.is_some()
+    }
+
+    fn check(&self, output: &Path) -> Result<()> {
+        self.textbook()?;
+        self.shared()?;
+        self.job(&Inputs::from(Vec::new()), output).map(drop)
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<TinReport> {
+        let Request { inputs, output, skipped, is_measured, progress, cancel } = request;
+        let job = TinJob { measure: is_measured, ..self.job(inputs, output)? };
+        if let Some(folder) = &self.resuming.workdir {
+            return run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel);
+        }
+        match (self.shared()?, self.textbook()?) {
+            (Some(bands), _) => run_bands(&job, &bands, progress, cancel),
+            (None, Some(by)) => run_by(&job, &by, progress, cancel),
+            (None, None) => run(&job, progress, cancel),
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! How a mesh of a grid is refined, whatever its goal and wherever it goes.
+
+use std::sync::Arc;
+
+use terrane_options::{Options, Range, Rule, check};
+
+use super::angles::angle_bound;
+use super::job::Goal;
+use super::names::TriangulationName;
+use super::worker::{line_bytes, worker_bytes};
+use terrane_base::bound::Bound;
+use terrane_base::error::Result;
+use terrane_base::geom::Affine;
+use terrane_baselines::Triangulation;
+use terrane_engine::Resources;
+use terrane_engine::kept::Features;
+use terrane_engine::options::{BoundName, Constraints};
+use terrane_raster::Water;
+use terrane_tin::Spec;
+
+/// How a mesh of a grid is refined
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Method", setters = group, rules = RULES)]
+#[non_exhaustive]
+pub struct Refinement {
+    /// Of what the error is promised: of the samples, or of the whole surface: of the lines between neighbouring
+    /// samples, too
+    #[option(value = "WHAT", with = BoundName)]
+    pub bound: Bound,
+    /// Insert one global maximum at a time (the reference; slower, more vertices)
+    pub strict: bool,
+    /// Drop vertices that turned out to be redundant
+    #[option(
+        default = true,
+        off = "Keep vertices that turned out to be redundant (faster, more vertices)"
+    )]
+    pub drop: bool,
+    /// Let vertices lie above or below their samples, where that takes fewer of them (a tenth to a third fewer, mostly a
+    /// fifth; some five times slower). The error is kept all the same
+    pub fit: bool,
+    /// Which triangles vertices get
+    #[option(value = "NAME", with = TriangulationName, default_text = "delaunay")]
+    pub triangulation: Option<Triangulation>,
+    /// The smallest angle that triangles may have in plan, in degrees: samples are inserted until that holds
+    #[option(value = "DEGREES", range = Range::POSITIVE)]
+    pub min_angle: Option<f64>,
+    /// What stays.
+    #[option(flatten)]
+    pub constraints: Constraints,
+}
+
+const RULES: &[Rule] = &[
+    Rule::NotWith("fit", &["strict", "drop"]),
+    // Which triangles are not Delaunay is found by dropping vertices.
+    Rule::NotWith("triangulation=data-dependent", &["drop"]),
+    // Lines may meet under any angle.
+    Rule::NotWith("breaklines", &["min_angle"]),
+];
+
+impl Refinement {
+    /// What the kernel is told on a grid with this map, errors measured; the tolerance is yet to be found.
+    ///
+    /// # Errors
+    /// An angle that the cells do not have; options that do not go together.
+    pub(super) fn spec(&self, map: &Affine) -> Result<Spec> {
+        check(self)?;
+        Ok(Spec {
+            tolerance: 0.0,
+            bound: self.bound,
+            strict: self.strict,
+            drop: self.drop,
+            fit: self.fit,
+            data_dependent: self.is_data_dependent(),
+            min_angle: angle_bound(self.min_angle, map)?,
+            single_precision: None,
+            measure: true,
+        })
+    }
+
+    /// Reads the points and breaklines to keep.
+    ///
+    /// # Errors
+    /// Files that cannot be read.
+    pub(super) fn features(
+        &self,
+        water: Option<&Arc<Water>>,
+        resources: &Resources,
+    ) -> Result<Features> {
+        let [points, lines] = self.files();
+        Features::read(points, lines, water, resources)
+    }
+
+    /// The names of the files of points and of breaklines.
+    pub(super) fn files(&self) -> [Option<&str>; 2] {
+        let Constraints { keep_points, breaklines, .. } = &self.constraints;
+        [keep_points, breaklines].map(Option::as_deref)
+    }
+
+    /// True where triangles may be others than Delaunay ones.
+    pub(super) fn is_data_dependent(&self) -> bool {
+        self.triangulation == Some(Triangulation::DataDependent)
+    }
+
+    /// Most bytes of a worker on tiles of `tile` cells, without what all hold together, that `follows` lines or
+    /// not.
+    pub(super) fn worker_bytes(&self, goal: Goal, tile: u32, follows: bool) -> u64 {
+        // Any sample may become a vertex to reach these.
+        let keeps_all = goal == Goal::MaxError(0.0) || self.min_angle.is_some();
+        let lines = if follows { line_bytes(tile) } else { 0 };
+        lines + worker_bytes(tile, keeps_all, self.fit)
+    }
+}

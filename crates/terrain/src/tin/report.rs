@@ -1,0 +1,246 @@
+//! What a grid-to-TIN job did, and the clocks behind it.
+
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::tally::Flaws;
+use terrane_base::bound::Bound;
+use terrane_base::geom::Affine;
+use terrane_engine::bands::BandReport;
+use terrane_engine::breaklines::BreaklinesReport;
+use terrane_engine::figures::Figures;
+use terrane_engine::kept::KeptReport;
+use terrane_engine::placing::Placed;
+use terrane_engine::transform::Transformed;
+use terrane_raster::WaterReport;
+
+/// Seconds and samples of one stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageReport {
+    /// Name: "read", "tiles", "seams", "write", "reduce", "load"; of methods of the textbooks "method".
+    pub name: String,
+    /// Seconds spent in it, summed over threads.
+    pub thread_seconds: f64,
+    /// Samples it handled.
+    pub samples: u64,
+}
+
+/// What a grid-to-TIN job did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct TinReport {
+    pub input: String,
+    pub output: String,
+    pub format: String,
+    pub width: u32,
+    pub height: u32,
+    /// The system of the grid.
+    pub crs: String,
+    /// What led to the system of the mesh, where that is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
+    pub horizontal_unit: String,
+    pub vertical_unit: String,
+    /// The method, where it is not the engine's own, and
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<String>,
+    /// how it connects vertices, where it leaves that open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub triangulation: Option<String>,
+    /// The bands that the error is of, where there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<BandReport>,
+    pub tolerance: f64,
+    /// Of what it is promised.
+    pub bound: Bound,
+    /// True when vertices may lie above or below their samples.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fit: bool,
+    /// The smallest angle that was asked for, in degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_angle: Option<f64>,
+    /// Triangles that have a smaller one all the same, where one was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thin_triangles: Option<FlawReport>,
+    /// Largest error of any sample, when measured.
+    pub max_error: Option<f64>,
+    /// Root mean square error, when measured.
+    pub rmse: Option<f64>,
+    pub samples: u64,
+    pub valid_samples: u64,
+    /// Valid samples without any valid cell: they have no surface.
+    pub isolated_samples: u64,
+    /// Stored value that looks like an undeclared nodata value, and
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub suspected_nodata: Option<f64>,
+    /// how many samples have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub suspected_samples: Option<u64>,
+    pub vertices: u64,
+    pub triangles: u64,
+    /// Vertices per valid sample.
+    pub kept: f64,
+    /// What became of points to keep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_points: Option<KeptReport>,
+    /// What became of breaklines, and
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub breaklines: Option<BreaklinesReport>,
+    /// What became of water.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water: Option<WaterReport>,
+    /// where edges do not follow them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub apart: Option<FlawReport>,
+    pub output_bytes: u64,
+    /// Coordinate reference system beside the mesh, when one was written.
+    pub prj: Option<String>,
+    /// How the mesh lies in its file, where that has coordinates of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placed: Option<Placed>,
+    /// What the user of the mesh should know.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    pub tiles: u64,
+    pub tile_cells: u32,
+    /// Complete runs that only counted, to find the tolerance of a budget.
+    pub trials: u32,
+    #[serde(flatten)]
+    pub run: Figures,
+    pub samples_per_second: f64,
+    pub stages: Vec<StageReport>,
+}
+
+/// Places where something that was asked for is not so.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlawReport {
+    /// How many there are.
+    pub count: u64,
+    /// Where the first one is, in the world; of a triangle, a corner.
+    pub first: Option<[f64; 2]>,
+}
+
+impl FlawReport {
+    pub(super) fn of(flaws: Flaws, map: &Affine) -> Self {
+        let place = |[row, col]: [u32; 2]| map.apply(f64::from(col), f64::from(row));
+        Self { count: flaws.count, first: flaws.first.map(place) }
+    }
+}
+
+/// What was asked for and is not so, in words, by the triangles that are too thin and the vertices that lack an edge
+/// along a breakline.
+pub(super) fn unmet(
+    thin: Option<FlawReport>,
+    apart: Option<FlawReport>,
+    min_angle: Option<f64>,
+) -> Option<String> {
+    let told = |flaws: Option<FlawReport>, what: String, remedy: &str| {
+        let FlawReport { count, first } = flaws?;
+        let [x, y] = first?;
+        Some(format!(
+            "{count} {what}, the first one at x {x}, y {y}; choose a larger ‹tile›{remedy}"
+        ))
+    };
+    let least = min_angle.unwrap_or_default();
+    let angle = format!("triangles have a smaller angle than {least} degrees");
+    let lines = "vertices on breaklines have no edge along them".to_owned();
+    told(thin, angle, ", or a smaller ‹min_angle›").or_else(|| told(apart, lines, ""))
+}
+
+impl TinReport {
+    /// What was asked for and is not so, in words.
+    pub fn unmet(&self) -> Option<String> {
+        unmet(self.thin_triangles, self.apart, self.min_angle)
+    }
+
+    /// Notes the time it all took.
+    pub(super) fn took(&mut self, time: Duration) {
+        self.run.wall_seconds = time.as_secs_f64();
+        self.samples_per_second = self.run.rate(self.samples);
+    }
+
+    /// Notes that more bytes went through temporary files.
+    pub(super) fn spilled(&mut self, bytes: u64) {
+        self.run.spilled_bytes = Some(self.run.spilled_bytes.unwrap_or_default() + bytes);
+    }
+}
+
+/// A stage of the pipeline.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Stage {
+    Read,
+    Tiles,
+    Seams,
+    Write,
+    /// What only a Delaunay mesh needs is dropped.
+    Reduce,
+    /// From saved containers.
+    Load,
+}
+
+/// Time and samples by stage, of one worker or summed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Clock {
+    spent: [Duration; 6],
+    samples: [u64; 6],
+}
+
+impl Clock {
+    const NAMES: [&str; 6] = ["read", "tiles", "seams", "write", "reduce", "load"];
+
+    /// Adds the time since `started` and `samples` to a stage.
+    pub(super) fn add(&mut self, stage: Stage, started: Instant, samples: u64) {
+        self.add_time(stage, started.elapsed());
+        self.samples[stage as usize] += samples;
+    }
+
+    /// Adds time to a stage.
+    pub(super) fn add_time(&mut self, stage: Stage, spent: Duration) {
+        self.spent[stage as usize] += spent;
+    }
+
+    /// Adds another clock.
+    pub(super) fn merge(&mut self, other: &Clock) {
+        for stage in 0..Self::NAMES.len() {
+            self.spent[stage] += other.spent[stage];
+            self.samples[stage] += other.samples[stage];
+        }
+    }
+
+    /// The report of all stages.
+    pub(super) fn report(&self) -> Vec<StageReport> {
+        let stage = |i: usize| StageReport {
+            name: Self::NAMES[i].to_owned(),
+            thread_seconds: self.spent[i].as_secs_f64(),
+            samples: self.samples[i],
+        };
+        let rare = [Stage::Reduce, Stage::Load].map(|stage| stage as usize);
+        let is_used = |i: &usize| !rare.contains(i) || self.samples[*i] > 0;
+        (0..Self::NAMES.len()).filter(is_used).map(stage).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_asked_for_and_not_so_is_told_with_its_place() {
+        let map = Affine { x0: 100.0, a: 10.0, b: 0.0, y0: 500.0, d: 0.0, e: -10.0 };
+        let told = |thin: Option<Flaws>| {
+            let thin_triangles = thin.map(|thin| FlawReport::of(thin, &map));
+            TinReport { min_angle: Some(20.0), thin_triangles, ..TinReport::default() }.unmet()
+        };
+        assert_eq!(told(None), None);
+        assert_eq!(told(Some(Flaws::default())), None);
+        let some = told(Some(Flaws { count: 3, first: Some([2, 7]) })).unwrap();
+        assert!(some.starts_with("3 triangles have a smaller angle than 20 degrees"), "{some}");
+        assert!(some.contains("x 170, y 480") && some.contains("‹tile›"), "{some}");
+        let apart = Some(FlawReport { count: 2, first: Some([170.0, 480.0]) });
+        let lines = TinReport { apart, ..TinReport::default() }.unmet().unwrap();
+        assert!(lines.starts_with("2 vertices on breaklines have no edge along them"), "{lines}");
+        assert!(lines.contains("x 170, y 480"), "{lines}");
+    }
+}

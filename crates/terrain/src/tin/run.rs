@@ -1,0 +1,519 @@
+//! The core of the job: any grid source in, any mesh sink out, under given settings.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::AtomicU64;
+
+use crossbeam_channel::{Receiver, bounded};
+
+use super::layout::{Layout, TileId};
+use super::report::{Clock, Stage, StageReport};
+use super::schedule::Queue;
+use super::scope::{Scope, Work};
+use super::store::Store;
+use super::tally::{Flaws, Tally};
+use super::workdir::ObjectWriter;
+use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
+use super::writer::{Collect, Part, Saver, Totals, Writer};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::kept::Kept;
+use terrane_engine::workers::spawn;
+use terrane_files::{lock, unlocked};
+use terrane_mesh::MeshSink;
+use terrane_raster::GridSource;
+use terrane_tin::Spec;
+
+/// How to run the core of a job.
+#[derive(Clone, Copy)]
+pub struct Settings<'a> {
+    /// What each tile has to reach.
+    pub spec: Spec,
+    /// Cells along a tile's side.
+    pub tile: u32,
+    /// Samples that stay vertices.
+    pub kept: &'a Kept,
+    /// Worker threads. With one, everything runs on the calling thread; with more, one further
+    /// thread writes.
+    pub threads: usize,
+    /// Bytes of unfinished mesh to hold in memory; the rest is spilled.
+    pub mesh_bytes: u64,
+    /// Folder for the spill file.
+    pub temp_dir: &'a Path,
+    /// Takes tasks in an order drawn from this seed; for tests, because no result depends on it.
+    pub order_seed: Option<u64>,
+    /// Told of every triangulated tile, in samples.
+    pub progress: &'a dyn Progress,
+    /// Stops the run between two tasks.
+    pub cancel: &'a Cancel,
+}
+
+/// What a run did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Vertices written.
+    pub vertices: u64,
+    /// Triangles written.
+    pub triangles: u64,
+    /// Valid samples.
+    pub valid: u64,
+    /// Valid samples without a valid cell.
+    pub isolated: u64,
+    /// Samples to keep that are vertices.
+    pub kept: u64,
+    /// Triangles with a smaller angle than asked for.
+    pub thin: Flaws,
+    /// Vertices from which a breakline should go on along an edge, and does not.
+    pub apart: Flaws,
+    /// Samples that look like undeclared nodata: the value as stored, and how many.
+    pub suspects: Option<(f64, u64)>,
+    /// The lowest and highest height of parts with some that may be of no land.
+    pub odd_range: Option<[f64; 2]>,
+    /// Largest error of any sample (0 unless measured).
+    pub max_error: f64,
+    /// Sum of squared errors of all samples on the surface (0 unless measured).
+    pub square_sum: f64,
+    /// Size of the output.
+    pub output_bytes: u64,
+    /// Bytes written to the spill file.
+    pub spilled_bytes: u64,
+    /// Time by stage.
+    pub stages: Vec<StageReport>,
+}
+
+/// Triangulates all of `source` into `sink`.
+///
+/// The sequence of vertices and triangles depends on the samples, the transform, `spec` and `tile`
+/// only: not on threads, memory or the order of work. Fails with `BadInput` when there is no cell
+/// with four valid samples, with the error of the source or the sink, and with `Interrupted`; then
+/// the sink is dropped unfinished. Time is linear in the samples plus the kernel's; memory is
+/// `mesh_bytes` and the workers' buffers.
+pub fn run_on(
+    source: &dyn GridSource,
+    sink: Box<dyn MeshSink>,
+    settings: &Settings<'_>,
+) -> Result<Outcome> {
+    run_with(source, sink, settings, Kernel::GREEDY)
+}
+
+/// As [`run_on`], with another kernel.
+pub(super) fn run_with(
+    source: &dyn GridSource,
+    sink: Box<dyn MeshSink>,
+    settings: &Settings<'_>,
+    kernel: Kernel,
+) -> Result<Outcome> {
+    let work = Work { layout: layout(source, settings)?, scope: Scope::Whole };
+    let shared = Shared::new(source, settings, kernel, work, None, sink.wants_corners());
+    write_mesh(shared, sink)
+}
+
+/// Writes the mesh whose containers are in `stock`, all seams mended; `tally` is what their making
+/// counted.
+pub(super) fn write(
+    source: &dyn GridSource,
+    stock: &dyn Stock,
+    tally: Tally,
+    sink: Box<dyn MeshSink>,
+    settings: &Settings<'_>,
+) -> Result<Outcome> {
+    let work = Work { layout: layout(source, settings)?, scope: Scope::Write };
+    let shared =
+        Shared::new(source, settings, Kernel::GREEDY, work, Some(stock), sink.wants_corners());
+    lock(&shared.tally).add(tally);
+    write_mesh(shared, sink)
+}
+
+/// Carries out one unit of the work and puts the containers into `object`; tiles come from `stock`
+/// where the scope says so. Returns the object with what is left to do for it, the time spent, and
+/// the bytes that were spilled.
+pub(super) fn save(
+    source: &dyn GridSource,
+    scope: Scope,
+    stock: Option<&dyn Stock>,
+    object: ObjectWriter,
+    settings: &Settings<'_>,
+) -> Result<Saved> {
+    let work = Work { layout: layout(source, settings)?, scope };
+    let shared = Shared::new(source, settings, Kernel::GREEDY, work, stock, false);
+    let saver = Mutex::new(Saver::new(work, object));
+    let clock = drive(&shared, &saver);
+    shared.queue.into_result()?;
+    let saver = unlocked(saver);
+    Ok(Saved {
+        object: saver.into_object(),
+        tally: unlocked(shared.tally),
+        clock,
+        spilled_bytes: shared.store.spilled(),
+    })
+}
+
+/// What [`save`] did.
+pub(super) struct Saved {
+    pub(super) object: ObjectWriter,
+    pub(super) tally: Tally,
+    pub(super) clock: Clock,
+    pub(super) spilled_bytes: u64,
+}
+
+fn layout(source: &dyn GridSource, settings: &Settings<'_>) -> Result<Layout> {
+    Layout::new(source.info().width, source.info().height, settings.tile)
+}
+
+impl<'a> Shared<'a> {
+    fn new(
+        source: &'a dyn GridSource,
+        settings: &'a Settings<'a>,
+        kernel: Kernel,
+        work: Work,
+        stock: Option<&'a dyn Stock>,
+        with_corners: bool,
+    ) -> Self {
+        let layout = work.layout;
+        Self {
+            source,
+            settings,
+            kernel,
+            layout,
+            stock,
+            store: Store::new(layout, settings.mesh_bytes, settings.temp_dir),
+            queue: Queue::new(work, settings.threads.max(1), settings.order_seed),
+            next_id: AtomicU64::new(0),
+            tally: Mutex::default(),
+            with_corners,
+        }
+    }
+}
+
+/// Carries out all tasks; what they send goes to `collector`.
+fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
+    if threads_for(shared) > 1 {
+        run_threads(shared, collector)
+    } else {
+        Worker::new(shared, Outlet { collector, writer: None }).run()
+    }
+}
+
+/// Threads that have something to do.
+fn threads_for(shared: &Shared<'_>) -> usize {
+    let tiles = usize::try_from(shared.layout.tiles()).unwrap_or(usize::MAX);
+    shared.settings.threads.min(tiles)
+}
+
+fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<Outcome> {
+    let writer = Mutex::new(Writer::new(shared.layout, sink));
+    let clock = drive(&shared, &writer);
+    conclude(shared, unlocked(writer), clock)
+}
+
+/// Parts that may wait for the writer, by worker.
+const WAITING_PARTS: usize = 4;
+
+fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
+    let threads = threads_for(shared);
+    std::thread::scope(|scope| {
+        let (sender, receiver) = bounded(WAITING_PARTS * threads);
+        let writing = spawn(scope, move || write_parts(shared, collector, &receiver));
+        // Where there are no threads to be had, this one does it all.
+        let Some(writing) = writing else {
+            return Worker::new(shared, Outlet { collector, writer: None }).run();
+        };
+        let work =
+            |sender| move || Worker::new(shared, Outlet { collector, writer: Some(sender) }).run();
+        let others: Vec<_> =
+            (1..threads).map_while(|_| spawn(scope, work(sender.clone()))).collect();
+        let mut clock = work(sender)();
+        for other in others {
+            match other.join() {
+                Ok(theirs) => clock.merge(&theirs),
+                Err(_) => shared.queue.fail(Error::new(ErrorKind::Internal, "a worker failed")),
+            }
+        }
+        if writing.join().is_err() {
+            shared.queue.fail(Error::new(ErrorKind::Internal, "the writer failed"));
+        }
+        clock
+    })
+}
+
+/// The writer thread: writes parts until all workers have left or writing fails.
+fn write_parts(
+    shared: &Shared<'_>,
+    collector: &Mutex<dyn Collect + '_>,
+    parts: &Receiver<(TileId, Part)>,
+) {
+    for (tile, part) in parts {
+        match lock(collector).accept(tile, part) {
+            Ok(written) => shared.store.account(written, 0),
+            Err(error) => return shared.queue.fail(error),
+        }
+    }
+}
+
+fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
+    let (totals, writing) = writer.totals();
+    let tolerance = shared.settings.spec.tolerance;
+    let Tally { valid, isolated, suspects, odd_range, kept, thin, apart } = unlocked(shared.tally);
+    shared.queue.into_result()?;
+    check_surface(valid, totals)?;
+    clock.add_time(Stage::Write, writing);
+    Ok(Outcome {
+        vertices: totals.vertices,
+        triangles: totals.triangles,
+        valid,
+        isolated,
+        kept,
+        thin,
+        apart,
+        suspects,
+        odd_range,
+        // It was rounded up, and all samples are known to be within.
+        max_error: f64::from(totals.max_error).min(tolerance),
+        square_sum: totals.square_sum,
+        spilled_bytes: shared.store.spilled(),
+        output_bytes: writer.finish()?,
+        stages: clock.report(),
+    })
+}
+
+/// Fails when there is nothing to write.
+fn check_surface(valid: u64, totals: Totals) -> Result<()> {
+    if valid == 0 {
+        return Err(Error::bad_input("the grid has no valid sample")
+            .remedy("check its nodata value, or choose another ‹band›"));
+    }
+    if totals.triangles == 0 {
+        return Err(Error::bad_input("the grid has no cell with four valid samples")
+            .remedy("fill its voids, check its nodata value, or clip it to larger polygons"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tin::container::Container;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use terrane_base::bound::Bound;
+    use terrane_base::geom::Rect;
+    use terrane_engine::Silent;
+    use terrane_mesh::MeshBatch;
+    use terrane_raster::{GridInfo, SampleType};
+    use terrane_tin::{Local, Triangle, mend_patch};
+    use terrane_tin::{PatchInput, PatchMesh, Scratch, TileInput, TileMesh, triangulate_tile};
+
+    /// A saddle with a fault in it, if wanted.
+    struct Saddle {
+        info: GridInfo,
+        broken_row: Option<u32>,
+    }
+
+    impl Saddle {
+        fn new(side: u32) -> Self {
+            let info = GridInfo {
+                block: (64, 64),
+                ..GridInfo::plain("test", side, side, SampleType::F32)
+            };
+            Self { info, broken_row: None }
+        }
+    }
+
+    impl GridSource for Saddle {
+        fn info(&self) -> &GridInfo {
+            &self.info
+        }
+
+        fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+            if self.broken_row.is_some_and(|row| rect.contains(rect.col, row)) {
+                return Err(Error::bad_input("block is damaged"));
+            }
+            for (i, out) in (0..).zip(out) {
+                let (col, row) = (rect.col + i % rect.width, rect.row + i / rect.width);
+                *out = ((col * row) % 97) as f32;
+            }
+            Ok(())
+        }
+
+        fn read_f64(&self, _: Rect, _: &mut [f64]) -> Result<()> {
+            Err(Error::unsupported("f64"))
+        }
+    }
+
+    struct Drain;
+
+    impl MeshSink for Drain {
+        fn push(&mut self, _: MeshBatch<'_>) -> Result<()> {
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<u64> {
+            Ok(0)
+        }
+    }
+
+    fn settings(cancel: &Cancel, threads: usize) -> Settings<'_> {
+        Settings {
+            spec: Spec {
+                tolerance: 5.0,
+                bound: Bound::Samples,
+                strict: false,
+                drop: true,
+                fit: false,
+                data_dependent: false,
+                min_angle: None,
+                single_precision: None,
+                measure: false,
+            },
+            tile: 64,
+            kept: Kept::NONE,
+            threads,
+            mesh_bytes: 1 << 20,
+            temp_dir: Path::new("."),
+            order_seed: None,
+            progress: &Silent,
+            cancel,
+        }
+    }
+
+    fn run(source: &Saddle, threads: usize, kernel: Kernel) -> Result<Outcome> {
+        let cancel = Cancel::default();
+        run_with(source, Box::new(Drain), &settings(&cancel, threads), kernel)
+    }
+
+    fn faulty_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
+        assert!(input.apron_left + input.apron_above > 0, "planted fault");
+        triangulate_tile(input, spec, scratch)
+    }
+
+    fn faulty_patch(_: &PatchInput<'_>, _: &Spec, _: &mut Scratch) -> PatchMesh {
+        panic!("planted fault {}", 7);
+    }
+
+    #[test]
+    fn a_panic_becomes_an_error_that_names_the_tile() {
+        let source = Saddle::new(257);
+        for threads in [1, 3] {
+            let kernel = Kernel { tile: faulty_tile, ..Kernel::GREEDY };
+            let error = run(&source, threads, kernel).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Internal);
+            assert!(error.to_string().starts_with("tile 0,0: a worker failed: planted fault"));
+            let kernel = Kernel { patch: faulty_patch, ..Kernel::GREEDY };
+            let error = run(&source, threads, kernel).unwrap_err().to_string();
+            assert!(error.contains("seam of tile") && error.contains("planted fault 7"), "{error}");
+        }
+    }
+
+    fn is_corner(input: &PatchInput<'_>) -> bool {
+        input.seam_col.is_some() && input.seam_row.is_some()
+    }
+
+    /// Largest height of a patch around a corner.
+    static TALLEST: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
+
+    fn measured(
+        of: usize,
+        input: &PatchInput<'_>,
+        spec: &Spec,
+        scratch: &mut Scratch,
+    ) -> PatchMesh {
+        if is_corner(input) {
+            TALLEST[of].fetch_max(input.heights.height, Ordering::Relaxed);
+        }
+        mend_patch(input, spec, scratch)
+    }
+
+    /// Leaves something to mend at the first row of all patches along rows.
+    fn leaving(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
+        let is_row = input.seam_row.is_some() && !is_corner(input);
+        let left = if is_row { vec![Local::new(0, 0)] } else { Vec::new() };
+        PatchMesh { left, ..measured(1, input, spec, scratch) }
+    }
+
+    #[test]
+    fn what_is_left_between_samples_beside_a_seam_is_taken_up_around_the_corners() {
+        let source = Saddle::new(257);
+        let usual = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+            measured(0, input, spec, scratch)
+        };
+        run(&source, 1, Kernel { patch: usual, ..Kernel::GREEDY }).unwrap();
+        run(&source, 1, Kernel { patch: leaving, ..Kernel::GREEDY }).unwrap();
+        let [usual, leaving] = [0, 1].map(|i| TALLEST[i].load(Ordering::Relaxed));
+        assert!(leaving > usual, "{leaving} rows against {usual}");
+    }
+
+    #[test]
+    fn what_no_patch_around_a_corner_can_mend_between_samples_is_an_error() {
+        let stuck = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+            let left = if is_corner(input) { vec![Local::new(0, 0)] } else { Vec::new() };
+            PatchMesh { left, ..mend_patch(input, spec, scratch) }
+        };
+        let kernel = Kernel { patch: stuck, ..Kernel::GREEDY };
+        let error = run(&Saddle::new(257), 1, kernel).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Internal);
+        assert!(error.to_string().contains("cannot be kept within the tolerance"), "{error}");
+        let narrow = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+            let is_left = is_corner(input) && input.heights.width < 55;
+            let left = if is_left { vec![Local::new(0, 0)] } else { Vec::new() };
+            PatchMesh { left, ..mend_patch(input, spec, scratch) }
+        };
+        run(&Saddle::new(257), 1, Kernel { patch: narrow, ..Kernel::GREEDY }).unwrap();
+    }
+
+    /// Two triangles for every tile of a flat land.
+    struct Flat(Layout);
+
+    impl Stock for Flat {
+        fn load(&self, tile: TileId) -> Result<Container> {
+            let (rect, owned) = (self.0.rect(tile), self.0.owned(tile));
+            let (right, below) = (rect.width - 1, rect.height - 1);
+            let corners = [(0, 0), (right, 0), (0, below), (right, below)];
+            let at = corners.map(|(col, row)| Local::new(col, row));
+            let triangle = |corners| Triangle { corners, max_error: 0.0, square_sum: 0.0 };
+            let mut kept = Container::default();
+            kept.triangles = vec![triangle([at[0], at[3], at[2]]), triangle([at[0], at[1], at[3]])];
+            let is_own = |at: &Local| at.col() < owned.width && at.row() < owned.height;
+            kept.vertices = at.into_iter().filter(is_own).collect();
+            kept.heights = vec![0.0; kept.vertices.len()];
+            kept.close();
+            Ok(kept)
+        }
+    }
+
+    fn write_flat(side: u32, tile: u32) -> Outcome {
+        let source = Saddle::new(side);
+        let cancel = Cancel::default();
+        let settings = Settings { tile, ..settings(&cancel, 2) };
+        let layout = layout(&source, &settings).unwrap();
+        let tally = Tally { valid: layout.samples(), ..Tally::default() };
+        write(&source, &Flat(layout), tally, Box::new(Drain), &settings).unwrap()
+    }
+
+    #[test]
+    fn saved_tiles_are_numbered_and_written() {
+        let outcome = write_flat(16 * 37 + 1, 16);
+        assert_eq!((outcome.vertices, outcome.triangles), (38 * 38, 2 * 37 * 37));
+    }
+
+    /// The step that no machine can share, at 640 billion samples:
+    /// `cargo test --release --lib full_scale -- --ignored --nocapture`.
+    #[test]
+    #[ignore = "takes minutes"]
+    fn ids_at_full_scale() {
+        let started = std::time::Instant::now();
+        let outcome = write_flat(800_001, 512);
+        assert_eq!((outcome.vertices, outcome.triangles), (1564 * 1564, 2 * 1563 * 1563));
+        let peak = terrane_engine::peak_memory().unwrap_or_default() >> 20;
+        println!("{} tiles in {:.1} s, {peak} MiB", 1563 * 1563, started.elapsed().as_secs_f64());
+    }
+
+    #[test]
+    fn a_read_error_names_the_tile() {
+        let source = Saddle { broken_row: Some(200), ..Saddle::new(257) };
+        for threads in [1, 3] {
+            let error = run(&source, threads, Kernel::GREEDY).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::BadInput);
+            assert!(error.to_string().contains("3,"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! A grid to a mesh by a method of the textbooks: read whole, triangulated on one thread, written.
+
+use std::time::Instant;
+
+use super::job::{Goal, TinJob};
+use super::make::{Maker, Opened, in_input, options};
+use super::report::{StageReport, TinReport};
+use super::run::Outcome;
+use super::window::Window;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Point3, Rect};
+use terrane_baselines::{
+    Census, Goal as MethodGoal, Grid, MOST_SIDE, Method, Promise, Sample, Task, Tin, Triangulation,
+};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::memory;
+use terrane_files::atomic::refuse_existing;
+use terrane_mesh::{MeshBatch, MeshSink};
+use terrane_raster::OpenOptions;
+use terrane_tin::Spec;
+
+/// A way to make a mesh that is not the engine's own.
+#[derive(Clone, Copy, Debug)]
+pub struct Textbook {
+    /// The method.
+    pub method: &'static Method,
+    /// How vertices are connected, by methods that leave it open.
+    pub triangulation: Triangulation,
+}
+
+/// Vertices or triangles that are written at a time.
+const BATCH: usize = 1 << 16;
+
+/// Runs a job from file to file by a method of the textbooks: what the job says of tiles, dropping and the
+/// like is not looked at. The mesh states the tolerance if the method keeps to one, and its true error
+/// otherwise.
+///
+/// # Errors
+/// Those of [`run`](super::run); `Limit` for a grid with a side of more than 2^14 samples, `Resource` for one
+/// that the memory does not hold, both before any sample is read.
+pub fn run_by(
+    job: &TinJob,
+    by: &Textbook,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TinReport> {
+    let started = Instant::now();
+    job.goal.check()?;
+    if job.refinement.files() != [None; 2] {
+        let message = format!("the method {} keeps no points or breaklines", by.method.name);
+        return Err(Error::usage(message).remedy("leave them out, or the method"));
+    }
+    refuse_water(job, by.method.name)?;
+    refuse_existing(&job.output, job.overwrite)?;
+    let named = |error| in_input(error, &job.input);
+    let whole = Whole {
+        what: by.method.name.to_owned(),
+        sample_bytes: by.method.sample_bytes,
+        otherwise: "leave ‹method› out".to_owned(),
+    };
+    let mut opened = Opened::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
+    opened.carried.triangulation = other_triangles(by);
+    let maker = Maker { job, opened: &opened, progress, cancel };
+    let mut report = make(&maker, by).map_err(named)?;
+    report.took(started.elapsed());
+    Ok(report)
+}
+
+/// What triangles are called that are not Delaunay.
+fn other_triangles(by: &Textbook) -> Option<&'static str> {
+    match by.method.is_delaunay {
+        true if by.triangulation == Triangulation::Delaunay => None,
+        true => Some(by.triangulation.name()),
+        false => Some(by.method.name),
+    }
+}
+
+/// What holds a whole grid.
+pub(super) struct Whole {
+    /// What it is called.
+    pub(super) what: String,
+    /// Most bytes it takes for a sample, the result included.
+    pub(super) sample_bytes: u64,
+    /// What else can be done where the memory does not hold it.
+    pub(super) otherwise: String,
+}
+
+/// Fails where water is to be level: `what` makes no edges along its banks.
+pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
+    match job.reading.water {
+        None => Ok(()),
+        Some(_) => {
+            let message = format!("the method {what} follows no banks of water");
+            Err(Error::usage(message).remedy(
+                "leave ‹water› or the method out, or flatten the grid first: ‹terrane convert› with ‹water›",
+            ))
+        }
+    }
+}
+
+/// Opens the input where the memory holds all of it.
+pub(super) fn open(job: &TinJob, options: &OpenOptions, whole: &Whole) -> Result<memory::Opened> {
+    let resources = &job.resources;
+    let source = memory::look_at(&job.input, options)?;
+    let (width, height) = (source.info().width, source.info().height);
+    terrane_baselines::check_sides(width, height)
+        .map_err(|e| e.remedy(format!("{}: sides of {MOST_SIDE} fit", whole.otherwise)))?;
+    let worker = u64::from(width) * u64::from(height) * (whole.sample_bytes + READ_BYTES);
+    let least = memory::least(worker, source.block_bytes());
+    if least > resources.memory {
+        return Err(too_large(whole, [width, height], least, resources));
+    }
+    memory::open(&job.input, options, &Resources { threads: 1, ..resources.clone() }, worker)
+}
+
+/// Bytes for a sample while the grid is read.
+pub(super) const READ_BYTES: u64 = 20;
+
+fn too_large(whole: &Whole, [width, height]: [u32; 2], least: u64, resources: &Resources) -> Error {
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    let room = resources.memory.saturating_sub(memory::least(0, 0));
+    let side = (room / (whole.sample_bytes + READ_BYTES)).isqrt();
+    let message = format!(
+        "{} holds the whole grid: {width} x {height} samples take {} MiB, {} MiB are allowed",
+        whole.what,
+        mib(least),
+        resources.memory >> 20
+    );
+    let smaller = format!("a grid of at most {side} x {side} samples, or {}", whole.otherwise);
+    memory::short(message, least).or(&smaller)
+}
+
+fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {
+    maker.check_output()?;
+    let mut stages = Stages::default();
+    let mut window = Window::default();
+    let heights = stages.time(maker, "read", || read(maker, &mut window))?;
+    let info = maker.opened.source.info();
+    let whole = Rect::new(0, 0, info.width, info.height);
+    let (suspects, odd_range) = (window.suspects(whole, info), window.odd_range());
+    drop(window);
+    let grid = Grid::new(info.width, info.height, &heights, maker.opened.rounding())?;
+    let tin = stages.time(maker, "method", || triangulate(maker, by, grid))?;
+    maker.opened.format.check_capacity(tin.vertices.len() as u64, tin.triangles.len() as u64)?;
+    let write = |sink, _| {
+        let to_world = &info.transform;
+        let position = |at: Sample| {
+            let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
+            [x, y, grid.vertex(at)]
+        };
+        let (mesh, is_mirrored) = ((&*tin.vertices, &*tin.triangles), to_world.determinant() < 0.0);
+        let output_bytes = stages.time(maker, "write", || {
+            write(mesh, position, |_| std::iter::empty(), sink, is_mirrored)
+        })?;
+        let known = Outcome { suspects, odd_range, ..outcome(&tin) };
+        Ok(Outcome { output_bytes, stages: stages.0, ..known })
+    };
+    let report = maker.complete(stated(maker.job.goal, by.method, &tin), 0, write)?;
+    let triangulation = by.method.takes_triangulation.then(|| by.triangulation.to_string());
+    Ok(TinReport {
+        method: Some(by.method.name.to_owned()),
+        triangulation,
+        tiles: 1,
+        tile_cells: info.width.max(info.height) - 1,
+        max_error: Some(tin.max_error),
+        rmse: Some((tin.square_sum / surface(&tin.census)).sqrt()),
+        ..report
+    })
+}
+
+/// The bound that the mesh states.
+fn stated(goal: Goal, method: &Method, tin: &Tin) -> f64 {
+    match goal {
+        Goal::MaxError(tolerance) if method.promise == Promise::Samples => tolerance,
+        _ => tin.max_error,
+    }
+}
+
+/// Samples on the surface.
+pub(super) fn surface(census: &Census) -> f64 {
+    (census.valid - census.isolated).max(1) as f64
+}
+
+fn outcome(tin: &Tin) -> Outcome {
+    Outcome {
+        vertices: tin.vertices.len() as u64,
+        triangles: tin.triangles.len() as u64,
+        valid: tin.census.valid,
+        isolated: tin.census.isolated,
+        max_error: tin.max_error,
+        square_sum: tin.square_sum,
+        ..Outcome::default()
+    }
+}
+
+/// All heights, checked as those of tiles are.
+fn read(maker: &Maker<'_>, window: &mut Window) -> Result<Vec<f64>> {
+    maker.cancel.check()?;
+    let info = maker.opened.source.info();
+    window.read(&*maker.opened.source, Rect::new(0, 0, info.width, info.height))?;
+    if let Goal::MaxError(tolerance) = maker.job.goal {
+        window.check_rounding(&Spec { ..maker.spec(tolerance) })?;
+    }
+    Ok(all_heights(window))
+}
+
+/// All heights that a window has, exact.
+pub(super) fn all_heights(window: &Window) -> Vec<f64> {
+    let heights = window.heights();
+    let narrow = || heights.f32.iter().map(|&height| f64::from(height)).collect();
+    heights.f64.map_or_else(narrow, <[f64]>::to_vec)
+}
+
+/// The goal as methods know it.
+pub(super) fn asked(goal: Goal) -> MethodGoal {
+    match goal {
+        Goal::MaxError(tolerance) => MethodGoal::MaxError(tolerance),
+        Goal::MaxVertices(most) => MethodGoal::MaxVertices(most),
+        Goal::MaxTriangles(most) => MethodGoal::MaxTriangles(most),
+    }
+}
+
+fn triangulate(maker: &Maker<'_>, by: &Textbook, grid: Grid<'_>) -> Result<Tin> {
+    let goal = asked(maker.job.goal);
+    let pulse = || maker.cancel.check();
+    (by.method.run)(&Task {
+        triangulation: by.triangulation,
+        pulse: &pulse,
+        ..Task::new(grid, goal)
+    })
+}
+
+/// Vertices and then triangles, in batches, counter-clockwise in the world: `position` tells where samples lie
+/// there, `values` what else they have.
+pub(super) fn write<V: Iterator<Item = f64>>(
+    (samples, triangles): (&[Sample], &[[u32; 3]]),
+    position: impl Fn(Sample) -> Point3,
+    values: impl Fn(Sample) -> V,
+    mut sink: Box<dyn MeshSink>,
+    is_mirrored: bool,
+) -> Result<u64> {
+    for batch in samples.chunks(BATCH) {
+        let vertices: Vec<Point3> = batch.iter().map(|&at| position(at)).collect();
+        let values: Vec<f64> = batch.iter().flat_map(|&at| values(at)).collect();
+        let (vertices, values) = (&vertices, &values);
+        sink.push(MeshBatch { vertices, values, triangles: &[], corners: &[] })?;
+    }
+    for batch in triangles.chunks(BATCH) {
+        let turned = |&[a, b, c]: &[u32; 3]| {
+            (if is_mirrored { [a, c, b] } else { [a, b, c] }).map(u64::from)
+        };
+        let triangles: Vec<[u64; 3]> = batch.iter().map(turned).collect();
+        let wanted = if sink.wants_corners() { &triangles[..] } else { &[] };
+        let corners: Vec<[Point3; 3]> =
+            wanted.iter().map(|ids| ids.map(|id| position(samples[id as usize]))).collect();
+        sink.push(MeshBatch {
+            vertices: &[],
+            values: &[],
+            triangles: &triangles,
+            corners: &corners,
+        })?;
+    }
+    sink.finish()
+}
+
+/// What was done, and how long it took.
+#[derive(Default)]
+pub(super) struct Stages(pub(super) Vec<StageReport>);
+
+impl Stages {
+    pub(super) fn time<T>(
+        &mut self,
+        maker: &Maker<'_>,
+        name: &str,
+        work: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        let info = maker.opened.source.info();
+        let samples = u64::from(info.width) * u64::from(info.height);
+        maker.progress.begin(name, samples);
+        let started = Instant::now();
+        let done = work();
+        maker.progress.end();
+        let thread_seconds = started.elapsed().as_secs_f64();
+        self.0.push(StageReport { name: name.to_owned(), thread_seconds, samples });
+        done
+    }
+}

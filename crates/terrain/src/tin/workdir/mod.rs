@@ -1,0 +1,192 @@
+//! Meshes by plan: work in units that many machines can share and that survive being killed.
+
+mod mesh;
+mod object;
+mod shelf;
+mod tasks;
+
+use std::path::Path;
+use std::time::Duration;
+
+use serde::Serialize;
+
+pub(super) use object::{ObjectWriter, Record};
+
+use super::estimate::Estimator;
+use super::job::{Goal, TinJob};
+use super::make::{Maker, Opened, in_input};
+use super::options::TinOptions;
+use super::refinement::Refinement;
+use super::report::{Clock, StageReport, TinReport};
+use mesh::Mesh;
+use terrane_base::error::{Error, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::operation::{Divisible, Request};
+use terrane_engine::plan::{self, DiskCheck, Form, PLAN, Plan, RunJob, Written};
+use terrane_engine::sift::Skipped;
+use terrane_engine::transform::Transform;
+use terrane_files::refuse_held;
+use terrane_mesh::by_path;
+use terrane_tin::Spec;
+
+/// A mesh to plan.
+pub type PlanJob = plan::PlanJob<TinJob>;
+/// The plan of a mesh, or how far the work on it has come.
+pub type StatusReport = plan::StatusReport<MeshStatus>;
+/// What a run of the plan of a mesh did.
+pub type RunReport = plan::RunReport<MeshRun>;
+
+/// What is told of the plan of a mesh alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct MeshStatus {
+    pub max_error: f64,
+    pub samples: u64,
+}
+
+/// What is told of a run on a mesh alone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeshRun {
+    /// Samples of the strips done by this run.
+    pub made_samples: u64,
+    /// Time by stage, without that of writing the mesh.
+    pub stages: Vec<StageReport>,
+    /// The mesh, if this run came to it; its time is that of writing it.
+    pub mesh: Option<TinReport>,
+}
+
+impl Written for MeshRun {
+    fn written(&self) -> Option<&str> {
+        self.mesh.as_ref().map(|mesh| mesh.output.as_str())
+    }
+
+    fn unmet(&self) -> Option<String> {
+        self.mesh.as_ref().and_then(TinReport::unmet)
+    }
+}
+
+impl Default for MeshRun {
+    fn default() -> Self {
+        Self { made_samples: 0, stages: Clock::default().report(), mesh: None }
+    }
+}
+
+impl MeshRun {
+    /// Adds the time of a task.
+    fn add(&mut self, stages: Vec<StageReport>) {
+        for more in stages {
+            match self.stages.iter_mut().find(|stage| stage.name == more.name) {
+                Some(stage) => {
+                    stage.thread_seconds += more.thread_seconds;
+                    stage.samples += more.samples;
+                }
+                None => self.stages.push(more),
+            }
+        }
+    }
+}
+
+impl Divisible for TinOptions {
+    const TASK_SIZE: &'static str =
+        "Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]";
+    terrane_engine::planned_as!(Mesh, MeshStatus, MeshRun);
+
+    /// In PLY unless told otherwise.
+    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
+        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        self.textbook()?;
+        let format = by_path(Path::new(""), Some(self.file.format.as_deref().unwrap_or("PLY")))?;
+        let job = self.job(inputs, &folder.join("mesh").with_extension(format.extensions[0]))?;
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_work(&PlanJob { job, folder, cut: task_size, skipped }, progress, cancel)
+    }
+}
+
+/// Writes down what is to be made, from what, by which tasks, and what they need. A few tiles are
+/// read to tell the size of the result.
+///
+/// # Errors
+/// Those of opening the input; `Usage` for a goal other than a tolerance, and for a folder that holds
+/// another plan or other files.
+pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Result<StatusReport> {
+    job.check_size(2, "two rows of tiles at least")?;
+    plan_checked(job, |_| Ok(()), progress, cancel)
+}
+
+/// As [`plan_work`]; `check` may fail before the work.
+fn plan_checked(
+    job: &PlanJob,
+    check: impl FnOnce(&Maker<'_>) -> Result<()>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<StatusReport> {
+    job.job.goal.check()?;
+    if !matches!(job.job.goal, Goal::MaxError(_)) {
+        return Err(budget());
+    }
+    refuse_held(job.job.input.names())?;
+    let reading = job.job.reading.absolute()?;
+    let constraints = job.job.refinement.constraints.absolute()?;
+    let refinement = Refinement { constraints, ..job.job.refinement.clone() };
+    let transform = job.job.transform.as_ref().map(Transform::absolute).transpose()?;
+    let input = job.job.input.resolve()?;
+    let tin = TinJob { input, reading, refinement, transform, ..job.job.clone() };
+    let opened = Opened::new(&tin)?;
+    let maker = Maker { job: &tin, opened: &opened, progress, cancel };
+    check(&maker)?;
+    let in_input = |error| in_input(error, &tin.input);
+    let (tolerance, _) = maker.tolerance().map_err(in_input)?;
+    let layout = maker.layout().map_err(in_input)?;
+    let mesh = Mesh::new(&tin, &opened, job.cut)?;
+    let expect = || {
+        let spec = Spec { measure: false, ..maker.spec(tolerance) };
+        let size = Estimator::thorough(&*opened.source, layout, opened.shares.threads, cancel)
+            .and_then(|mut estimator| estimator.size_at_most(&spec))
+            .map_err(in_input)?;
+        let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
+        mesh.needs(size.with(opened.kept.count() + on_lines), &opened)
+    };
+    let there = Plan::<Mesh>::there(&job.folder);
+    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
+    let files = mesh::files(&tin, &*opened.source);
+    Plan::new(mesh, (tin.input.to_string(), files), needs, &job.skipped)?.put(&job.folder)?;
+    plan::status::<Mesh>(&job.folder)
+}
+
+fn budget() -> Error {
+    Error::usage("a plan needs a tolerance: no task alone can tell which one meets a budget")
+        .remedy("pass ‹max_error›")
+}
+
+/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is
+/// started again. `skipped` are files that are left out of the input, to be noted in the plan.
+///
+/// # Errors
+/// Those of [`plan_work`] and of any [`RunJob`].
+pub fn run_in(
+    folder: &Path,
+    job: &TinJob,
+    skipped: &[Skipped],
+    disk: DiskCheck,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TinReport> {
+    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    let is_new = !folder.join(PLAN).exists();
+    let check = |maker: &Maker<'_>| if is_new { maker.check_output() } else { Ok(()) };
+    plan_checked(&PlanJob::all(job, folder, skipped), check, progress, cancel)?;
+    let form = Form { split: job.split, solid_base: job.solid_base };
+    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
+    let run = RunJob::until(to, job.overwrite, form, with);
+    plan::run::<Mesh>(&run, progress, cancel).and_then(whole)
+}
+
+/// The report on the mesh, with the time and work of the whole run.
+fn whole(run: RunReport) -> Result<TinReport> {
+    let mut mesh = plan::Kind::Tin.made(run.of.mesh)?;
+    mesh.took(Duration::from_secs_f64(run.wall_seconds));
+    mesh.spilled(run.spilled_bytes);
+    mesh.stages.extend(run.of.stages);
+    Ok(mesh)
+}

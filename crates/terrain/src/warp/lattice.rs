@@ -1,0 +1,246 @@
+//! Where the samples of the output are.
+//!
+//! Unless told otherwise the output covers the rectangle around the cells of the grid, and its cells are squares as large
+//! as that in the middle of the grid. The outline alone is looked at for that: operations tear nothing, so what is inside
+//! stays inside. With a resolution, but no rectangle, edges of cells lie at whole multiples of it, so that parts of one
+//! grid, written one by one, are on one lattice.
+
+use std::path::Path;
+
+use super::way::Way;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs};
+use terrane_base::limits;
+use terrane_engine::memory;
+use terrane_engine::options::{Bounds, CellSize, FileName};
+use terrane_options::Options;
+use terrane_raster::{GridInfo, Inputs, OpenOptions};
+
+/// The lattice of an output
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Lattice", setters = group)]
+pub struct LatticeOptions {
+    /// Side of a cell of the output, or its width and height, in units of its system; edges lie at multiples of it
+    #[option(value = "X[,Y]", with = CellSize, default_text = "as large as in the middle of the input")]
+    pub resolution: Option<[f64; 2]>,
+    /// Rectangle that the output covers, in its system
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds, default_text = "all of the input")]
+    pub extent: Option<[f64; 4]>,
+    /// Grid whose lattice the output is to have: sample on sample
+    #[option(value = "GRID", with = FileName, role = ReadsGrid)]
+    pub like: Option<String>,
+}
+
+/// Places of samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lattice {
+    pub(super) transform: Affine,
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+/// Less of a cell than this is rounding.
+const HAIR: f64 = 1e-6;
+
+/// Most places of each edge of the grid that are looked at.
+const MOST_PLACES: u32 = 1 << 14;
+
+/// The lattice in a system to which a way leads from the grid.
+pub(super) fn of(
+    wanted: &LatticeOptions,
+    grid: &GridInfo,
+    crs: &Crs,
+    way: &Way,
+) -> Result<Lattice> {
+    let outline = Outline::of(grid, way);
+    if let Some(like) = &wanted.like {
+        let lattice = alike(like, crs)?;
+        outline.check_near(lattice.extent()).map_err(|e| e.in_file(Path::new(like)))?;
+        return Ok(lattice);
+    }
+    let cell = match wanted.resolution {
+        Some(cell) => cell,
+        None => natural(grid, way)?,
+    };
+    match (wanted.extent, wanted.resolution) {
+        (Some(extent), None) => {
+            outline.check_near(extent)?;
+            let count = spans(extent, cell).map(|span| span.round().max(1.0));
+            let [width, height] = [extent[2] - extent[0], extent[3] - extent[1]];
+            upright([extent[0], extent[3]], [width / count[0], height / count[1]], count)
+        }
+        (Some(extent), Some(cell)) => {
+            outline.check_near(extent)?;
+            covering(extent, cell)
+        }
+        (None, None) => covering(outline.whole()?, cell),
+        (None, Some(cell)) => {
+            let [x0, y0, x1, y1] = outline.whole()?;
+            let low = |at: f64, cell: f64| (at / cell + HAIR).floor() * cell;
+            let high = |at: f64, cell: f64| (at / cell - HAIR).ceil() * cell;
+            let snapped =
+                [low(x0, cell[0]), low(y0, cell[1]), high(x1, cell[0]), high(y1, cell[1])];
+            covering(snapped, cell)
+        }
+    }
+}
+
+/// Columns and rows of the grid by one of the lattice, in the middle of it or, if that is far from the grid, in that of
+/// the grid.
+pub(super) fn scale(lattice: &Lattice, grid: &GridInfo, way: &Way) -> Result<[f64; 2]> {
+    let back = |at: [f64; 2]| {
+        let [x, y] = lattice.transform.apply(at[0], at[1]);
+        way.back([x, y]).map(|[x, y]| grid.transform.invert(x, y))
+    };
+    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
+    if let Some(by) = slopes(back, [lattice.width, lattice.height].map(middle)) {
+        return Ok([by[0][0].hypot(by[1][0]), by[0][1].hypot(by[1][1])]);
+    }
+    let there = |at: [f64; 2]| {
+        let [x, y] = way.there(grid.transform.apply(at[0], at[1])).ok()?;
+        Some(lattice.transform.invert(x, y))
+    };
+    let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
+        return Err(placeless().remedy("take a part of the grid (‹bounds›)"));
+    };
+    let whole = (a[0] * b[1] - a[1] * b[0]).abs();
+    Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])
+}
+
+fn placeless() -> Error {
+    Error::unsupported("the middle of the grid has no place in the system to write in")
+}
+
+/// How a map changes by each of two coordinates, over a step around a place.
+fn slopes(
+    map: impl Fn([f64; 2]) -> Option<[f64; 2]>,
+    [col, row]: [f64; 2],
+) -> Option<[[f64; 2]; 2]> {
+    let along = |step: [f64; 2]| {
+        let [a, b] = [map([col - step[0], row - step[1]])?, map([col + step[0], row + step[1]])?];
+        let by = [b[0] - a[0], b[1] - a[1]];
+        by.iter().all(|by| by.is_finite()).then_some(by)
+    };
+    Some([along([0.5, 0.0])?, along([0.0, 0.5])?])
+}
+
+/// A cell as large as that in the middle of the grid.
+fn natural(grid: &GridInfo, way: &Way) -> Result<[f64; 2]> {
+    let map = grid.transform;
+    if way.is_none() && map.b == 0.0 && map.d == 0.0 {
+        return Ok([map.a.abs(), map.e.abs()]);
+    }
+    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
+    let there = |at: [f64; 2]| {
+        let [x, y] = map.apply(at[0], at[1]);
+        way.there([x, y]).ok()
+    };
+    let side = slopes(there, [middle(grid.width), middle(grid.height)])
+        .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
+        .filter(|side| *side > 0.0 && side.is_finite());
+    side.map(|side| [side; 2])
+        .ok_or_else(|| placeless().remedy("say how large cells are to be (‹resolution›)"))
+}
+
+/// The rectangle around the cells of a grid in another system.
+struct Outline {
+    /// Around those edges of cells that have a place there.
+    extent: [f64; 4],
+    /// Why others have none.
+    lost: Option<Error>,
+}
+
+impl Outline {
+    fn of(grid: &GridInfo, way: &Way) -> Self {
+        let mut outline = Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None };
+        let steps = grid.width.max(grid.height).min(MOST_PLACES);
+        let [right, bottom] = [grid.width, grid.height].map(f64::from);
+        for step in 0..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            let [col, row] = [share * right, share * bottom];
+            for [col, row] in [[col, 0.0], [col, bottom], [0.0, row], [right, row]] {
+                outline.add(way.there(grid.transform.apply(col - 0.5, row - 0.5)));
+            }
+        }
+        outline
+    }
+
+    fn add(&mut self, place: Result<[f64; 2]>) {
+        match place {
+            Ok([x, y]) => {
+                let [x0, y0, x1, y1] = self.extent;
+                self.extent = [x0.min(x), y0.min(y), x1.max(x), y1.max(y)];
+            }
+            Err(error) => self.lost = self.lost.take().or(Some(error)),
+        }
+    }
+
+    /// The rectangle, if all edges have a place.
+    fn whole(self) -> Result<[f64; 4]> {
+        self.lost.map_or(Ok(self.extent), |error| {
+            Err(error.remedy("say which part of that system is wanted (‹extent›, ‹like›)"))
+        })
+    }
+
+    /// Fails where nothing of the grid is in a rectangle.
+    fn check_near(&self, [x0, y0, x1, y1]: [f64; 4]) -> Result<()> {
+        let [left, low, right, high] = self.extent;
+        if self.lost.is_some() || (x0 < right && left < x1 && y0 < high && low < y1) {
+            return Ok(());
+        }
+        let message = format!("no cell of the grid lies inside {x0},{y0},{x1},{y1}");
+        Err(Error::usage(message).remedy(format!(
+            "give x min,y min,x max,y max in the system to write in, where the grid covers {left},{low},{right},{high}"
+        )))
+    }
+}
+
+impl Lattice {
+    /// The rectangle around all cells.
+    fn extent(&self) -> [f64; 4] {
+        let [right, bottom] = [self.width, self.height].map(|side| f64::from(side) - 0.5);
+        let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]];
+        let corners = corners.map(|[col, row]| self.transform.apply(col, row));
+        let low = [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::MAX, f64::min));
+        let high = [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::MIN, f64::max));
+        [low[0], low[1], high[0], high[1]]
+    }
+}
+
+/// The lattice of another grid.
+fn alike(name: &str, crs: &Crs) -> Result<Lattice> {
+    let other = memory::look_at(&Inputs::from(vec![name.to_owned()]), &OpenOptions::default())?;
+    let GridInfo { transform, width, height, .. } = *other.info();
+    if other.info().crs.is_named() && !other.info().crs.agrees(crs) {
+        let [theirs, ours] = other.info().crs.told_apart(crs);
+        let message = format!("is in {theirs}, and the output would be in {ours}");
+        return Err(Error::usage(message)
+            .in_file(Path::new(name))
+            .remedy("name its system with ‹to_crs›"));
+    }
+    Ok(Lattice { transform, width, height })
+}
+
+/// Columns and rows of a rectangle.
+fn spans([x0, y0, x1, y1]: [f64; 4], cell: [f64; 2]) -> [f64; 2] {
+    [(x1 - x0) / cell[0], (y1 - y0) / cell[1]]
+}
+
+/// Cells of this size from the upper left corner of a rectangle on, until it is covered.
+fn covering(extent: [f64; 4], cell: [f64; 2]) -> Result<Lattice> {
+    let count = spans(extent, cell).map(|span| (span - HAIR).ceil().max(1.0));
+    upright([extent[0], extent[3]], cell, count)
+}
+
+/// A lattice with north above.
+fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Result<Lattice> {
+    let transform = Affine::from_gdal([x, across, 0.0, y, 0.0, -down]);
+    let most = limits::MAX_SIDE as f64;
+    let is_good = count.iter().all(|count| (1.0..=most).contains(count)) && transform.is_valid();
+    if !is_good {
+        let message = format!("the output would have {} x {} samples", count[0], count[1]);
+        return Err(Error::usage(message).remedy("ask for larger cells, or for a part"));
+    }
+    let [width, height] = count.map(|count| count as u32);
+    Ok(Lattice { transform, width, height })
+}

@@ -1,0 +1,198 @@
+//! The grid on its new lattice, read by window.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::way::Way;
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_raster::{GridInfo, GridSource, SampleType};
+use terrane_window::resample::{Place, Resampling, Scale, Window};
+
+/// Most samples of the grid that are held for a piece of the output, unless a single height needs more.
+pub(super) const MOST_SAMPLES: usize = 1 << 18;
+
+/// Most columns and rows of a piece.
+const MOST_SIDE: f64 = 128.0;
+
+/// Samples of the grid along a piece, about: well below the root of [`MOST_SAMPLES`], so that pieces are seldom halved.
+const USUAL_SPAN: f64 = 256.0;
+
+/// How the output is best read.
+pub(super) const BLOCK: (u32, u32) = (256, 256);
+
+/// Bytes that a thread holds: samples of the grid, and places and heights of a piece; and what systems and operations
+/// take, which all threads share.
+pub(super) const WORKER_BYTES: u64 =
+    (MOST_SAMPLES * 8 + (MOST_SIDE * MOST_SIDE) as usize * 24) as u64 + (3 << 20);
+
+/// A grid on another lattice.
+pub(super) struct Warped {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    way: Way,
+    resampling: &'static Resampling,
+    scale: Scale,
+    /// Heights are computed, so they are as near as the type has them.
+    is_made: bool,
+    /// Columns and rows of a piece.
+    side: u32,
+    /// Samples that have no place in the grid's system.
+    nowhere: Arc<AtomicU64>,
+}
+
+/// What a piece is made with.
+#[derive(Default)]
+struct Buffers {
+    places: Vec<Place>,
+    samples: Vec<f64>,
+    heights: Vec<f64>,
+}
+
+impl Warped {
+    pub(super) fn new(
+        info: GridInfo,
+        inner: Box<dyn GridSource>,
+        way: Way,
+        resampling: &'static Resampling,
+        scale: Scale,
+        is_made: bool,
+        nowhere: Arc<AtomicU64>,
+    ) -> Self {
+        let [across, down] = scale.get();
+        let side = (USUAL_SPAN / across.max(down)).clamp(1.0, MOST_SIDE) as u32;
+        Self { info, inner, way, resampling, scale, is_made, side, nowhere }
+    }
+
+    pub(super) fn scale(&self) -> Scale {
+        self.scale
+    }
+
+    /// Hands on each piece of a rectangle with its heights.
+    fn each(&self, rect: Rect, found: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
+        let mut buffers = Buffers::default();
+        for row in (rect.row..rect.end_row()).step_by(self.side as usize) {
+            for col in (rect.col..rect.end_col()).step_by(self.side as usize) {
+                let piece = Rect::new(col, row, self.side, self.side).intersect(&rect);
+                self.piece(piece, &mut buffers, found)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Of one piece, or of its halves where it needs too much of the grid.
+    fn piece(
+        &self,
+        piece: Rect,
+        buffers: &mut Buffers,
+        found: &mut dyn FnMut(Rect, &[f64]),
+    ) -> Result<()> {
+        let mut left = vec![piece];
+        while let Some(piece) = left.pop() {
+            let nowhere = self.place(piece, &mut buffers.places);
+            let grid = [self.inner.info().width, self.inner.info().height];
+            let needed = self.resampling.needed(grid, &buffers.places, self.scale);
+            if needed.len() > MOST_SAMPLES && piece.len() > 1 {
+                left.extend(halves(piece));
+                continue;
+            }
+            self.nowhere.fetch_add(nowhere, Ordering::Relaxed);
+            self.fill(needed, grid, buffers)?;
+            found(piece, &buffers.heights);
+        }
+        Ok(())
+    }
+
+    /// Where the samples of a piece are in the grid; how many are nowhere.
+    fn place(&self, piece: Rect, places: &mut Vec<Place>) -> u64 {
+        let map = &self.inner.info().transform;
+        let mut nowhere = 0;
+        places.clear();
+        for row in piece.row..piece.end_row() {
+            places.extend((piece.col..piece.end_col()).map(|col| {
+                let at = self.info.transform.apply(f64::from(col), f64::from(row));
+                let place = self.way.back(at).map(|[x, y]| map.invert(x, y));
+                nowhere += u64::from(place.is_none());
+                place.unwrap_or([f64::NAN; 2])
+            }));
+        }
+        nowhere
+    }
+
+    /// Finds the heights of a piece.
+    fn fill(&self, needed: Rect, grid: [u32; 2], buffers: &mut Buffers) -> Result<()> {
+        let Buffers { places, samples, heights } = buffers;
+        heights.clear();
+        heights.resize(places.len(), f64::NAN);
+        if needed.is_empty() {
+            return Ok(());
+        }
+        samples.clear();
+        samples.resize(needed.len(), 0.0);
+        self.inner.read_f64(needed, samples)?;
+        self.inner.copied(needed);
+        let window = Window { grid, rect: needed, heights: samples };
+        self.resampling.heights(&window, places, self.scale, heights);
+        if self.is_made { self.settle(places, heights) } else { Ok(()) }
+    }
+
+    /// Heights in the system of the output, as near as its type has them.
+    fn settle(&self, places: &[Place], heights: &mut [f64]) -> Result<()> {
+        let (map, moves) = (&self.inner.info().transform, !self.way.keeps_heights());
+        for (place, height) in places.iter().zip(heights) {
+            if moves && !height.is_nan() {
+                *height = self.way.height(map.apply(place[0], place[1]), *height)?;
+            }
+            if self.info.sample_type == SampleType::F32 {
+                *height = f64::from(*height as f32);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Two parts of a rectangle of more than one sample.
+fn halves(rect: Rect) -> [Rect; 2] {
+    let Rect { col, row, width, height } = rect;
+    if width > height {
+        let half = width / 2;
+        [Rect::new(col, row, half, height), Rect::new(col + half, row, width - half, height)]
+    } else {
+        let half = height / 2;
+        [Rect::new(col, row, width, half), Rect::new(col, row + half, width, height - half)]
+    }
+}
+
+/// Puts the heights of a piece where they belong in those of a rectangle.
+fn put<H>(out: &mut [H], rect: Rect, piece: Rect, heights: &[f64], of: impl Fn(f64) -> H) {
+    for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
+        let row = (piece.row - rect.row) as usize + down;
+        let first = row * rect.width as usize + (piece.col - rect.col) as usize;
+        for (out, height) in out[first..].iter_mut().zip(heights) {
+            *out = of(*height);
+        }
+    }
+}
+
+impl GridSource for Warped {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.each(rect, &mut |piece, heights| put(out, rect, piece, heights, |z| z as f32))
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.each(rect, &mut |piece, heights| put(out, rect, piece, heights, |z| z))
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.inner.block_bytes()
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.inner.members()
+    }
+}

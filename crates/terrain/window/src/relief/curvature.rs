@@ -1,0 +1,44 @@
+//! Curvature: how the ground bends, by the partial quartic of Zevenbergen & Thorne (1987).
+
+use terrane_options::Choice;
+
+use crate::relief::{Derivative, Gradient, Heights, Turn};
+
+/// Which curvature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
+pub enum Kind {
+    /// Of the whole: above 0 where the ground is convex
+    ///
+    /// The negative of the sum of both second derivatives.
+    #[default]
+    General,
+    /// Along the line of steepest descent: above 0 where the slope grows downhill
+    Profile,
+    /// Across it: above 0 where water parts
+    Plan,
+}
+
+/// Curvature, in radians by metre; of level ground 0 along and across a slope that it does not have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Curvature(pub Kind);
+
+impl Derivative for Curvature {
+    fn at(&self, heights: &Heights, turn: &Turn) -> f64 {
+        let [a, b, c, d, e, f, g, h, i] = *heights;
+        // By column and row, then by metre.
+        let (across, down, both) = (d - 2.0 * e + f, b - 2.0 * e + h, (a - c - g + i) / 4.0);
+        let second = |[u, v]: [f64; 2], [s, t]: [f64; 2]| {
+            u * s * across + (u * t + v * s) * both + v * t * down
+        };
+        let [x, y] = *turn;
+        let [xx, xy, yy] = [second(x, x), second(x, y), second(y, y)];
+        let [east, north] = Gradient::ZevenbergenThorne.of(heights, turn);
+        let steep = east * east + north * north;
+        let along = match self.0 {
+            Kind::General => return -(xx + yy),
+            Kind::Profile => east * east * xx + 2.0 * east * north * xy + north * north * yy,
+            Kind::Plan => north * north * xx - 2.0 * east * north * xy + east * east * yy,
+        };
+        if steep == 0.0 { 0.0 } else { -along / steep }
+    }
+}

@@ -1,0 +1,108 @@
+//! What the ground is like at a sample, from its height and those of its eight neighbours: slope, aspect, hillshade,
+//! roughness, position, ruggedness, curvature. And the colours of heights ([`Palette`]).
+//!
+//! A kind is a file here and a line in the list of verbs. All are functions of nine heights and of where a column and
+//! a row lead on the ground ([`Turn`]), so grids may be turned or have the south above.
+//!
+//! ```
+//! use terrane_window::relief::{Derivative, Gradient, Slope};
+//! // Ten metres apart, and ten metres higher by each column: 45 degrees.
+//! let rows = [[0.0, 10.0, 20.0]; 3];
+//! let mut out = [0.0];
+//! let slope = Slope { gradient: Gradient::Horn, is_percent: false };
+//! slope.row(rows.each_ref().map(|row| &row[..]), &[[0.1, 0.0], [0.0, -0.1]], &mut out);
+//! assert!((out[0] - 45.0).abs() < 1e-12);
+//! ```
+
+mod aspect;
+mod colours;
+mod curvature;
+mod position;
+mod roughness;
+mod ruggedness;
+mod shade;
+mod slope;
+#[cfg(test)]
+mod tests;
+
+pub use aspect::Aspect;
+pub use colours::{Between, Colour, Fault, NAMES, Palette, Table};
+pub use curvature::{Curvature, Kind};
+pub use position::Position;
+pub use roughness::Roughness;
+pub use ruggedness::{Measure, Ruggedness};
+pub use shade::{Hillshade, Light};
+pub use slope::Slope;
+use terrane_options::Choice;
+
+/// Takes the change of height by column and by row to that by metre east and by metre north: a row for each of the
+/// two.
+pub type Turn = [[f64; 2]; 2];
+
+/// A sample and its neighbours: row by row from above, each from the left.
+pub type Heights = [f64; 9];
+
+/// What is told of a sample.
+pub trait Derivative: Send + Sync {
+    /// At the fifth of nine heights, all of them valid; not a number where there is none.
+    fn at(&self, heights: &Heights, turn: &Turn) -> f64;
+
+    /// Whether it is a whole number from 1 to 255, not any number.
+    fn is_byte(&self) -> bool {
+        false
+    }
+
+    /// The least and the greatest value there can be, where that is known.
+    fn range(&self) -> Option<[f64; 2]> {
+        None
+    }
+
+    /// Whether it depends on how far samples are from each other.
+    fn is_of_slopes(&self) -> bool {
+        true
+    }
+
+    /// Of a row of samples between two others, each with one more sample on both ends: not a number where one of nine
+    /// is none. Takes time linear in the samples.
+    fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
+        each(rows, out, f64::NAN, |heights| self.at(heights, turn));
+    }
+}
+
+/// Tells something of each sample of a row that has nine heights, and `none` of others.
+#[inline(always)]
+fn each<T: Copy>(rows: [&[f64]; 3], out: &mut [T], none: T, at: impl Fn(&Heights) -> T) {
+    let [above, here, below] = rows.map(|row| row.windows(3));
+    for (((above, here), below), out) in above.zip(here).zip(below).zip(out) {
+        let heights =
+            [above[0], above[1], above[2], here[0], here[1], here[2], below[0], below[1], below[2]];
+        let is_whole = !heights.iter().sum::<f64>().is_nan();
+        *out = if is_whole { at(&heights) } else { none };
+    }
+}
+
+/// Gradient algorithm, of nine heights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
+pub enum Gradient {
+    /// All eight neighbours (Horn 1981)
+    #[default]
+    Horn,
+    /// The four straight beside it (Zevenbergen & Thorne 1987), for smooth ground
+    ZevenbergenThorne,
+}
+
+impl Gradient {
+    /// The change of height by metre east and by metre north.
+    #[inline]
+    fn of(self, heights: &Heights, turn: &Turn) -> [f64; 2] {
+        let [a, b, c, d, _, f, g, h, i] = *heights;
+        let by = match self {
+            Self::Horn => [
+                ((c + f + f + i) - (a + d + d + g)) / 8.0,
+                ((g + h + h + i) - (a + b + b + c)) / 8.0,
+            ],
+            Self::ZevenbergenThorne => [(f - d) / 2.0, (h - b) / 2.0],
+        };
+        turn.map(|[col, row]| col * by[0] + row * by[1])
+    }
+}

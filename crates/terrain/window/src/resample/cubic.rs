@@ -1,0 +1,28 @@
+//! Cubic convolution (Keys 1981, a = -1/2): smooth, through all samples, exact for quadratic surfaces.
+
+use crate::resample::Resampling;
+use crate::resample::kernel::{self, Kernel};
+
+/// The registry entry.
+pub(crate) const RESAMPLING: Resampling = Resampling {
+    name: "cubic",
+    about: "by the sixteen samples around, by cubic convolution; bilinear where not all of them are valid",
+    radius: 2,
+    run: kernel::heights::<Cubic, 4>,
+};
+
+struct Cubic;
+
+impl Kernel for Cubic {
+    #[inline(always)]
+    fn weight(distance: f64) -> f64 {
+        let d = distance;
+        if d <= 1.0 {
+            (1.5 * d - 2.5) * d * d + 1.0
+        } else if d < 2.0 {
+            ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
+        } else {
+            0.0
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Heights by weights that are a product of one along the row and one along the column.
+
+use crate::resample::bilinear::Bilinear;
+use crate::resample::{Place, Scale, Window};
+
+/// Weights by distance.
+pub(crate) trait Kernel {
+    /// Of a sample so many columns or rows away.
+    fn weight(distance: f64) -> f64;
+}
+
+/// The height at each place, by a kernel of so many samples along each axis.
+pub(crate) fn heights<K: Kernel, const TAPS: usize>(
+    window: &Window<'_>,
+    places: &[Place],
+    scale: Scale,
+    out: &mut [f64],
+) {
+    let mut wide = [Vec::new(), Vec::new()];
+    for (place, out) in places.iter().zip(out) {
+        *out = match window.nearest(*place) {
+            void if void.is_nan() => void,
+            _ if scale == Scale::ONE => close::<K, TAPS>(window, *place),
+            _ => far::<K>(window, *place, scale, TAPS / 2, &mut wide),
+        };
+    }
+}
+
+/// Samples that count, along both axes: the first, and their weights.
+struct Taps<'a> {
+    first: [i64; 2],
+    weights: [&'a [f64]; 2],
+}
+
+/// By samples as close as what is asked for.
+#[inline(always)]
+fn close<K: Kernel, const TAPS: usize>(window: &Window<'_>, place: Place) -> f64 {
+    let first = place.map(|at| at.floor() as i64 - (TAPS as i64 / 2 - 1));
+    let weights: [[f64; TAPS]; 2] = [0, 1].map(|axis| {
+        let from = place[axis] - first[axis] as f64;
+        std::array::from_fn(|tap| K::weight((tap as f64 - from).abs()))
+    });
+    let found = whole(window, &Taps { first, weights: weights.each_ref().map(|own| &own[..]) });
+    // Some of them may have no weight.
+    if found.is_nan() {
+        far::<K>(window, place, Scale::ONE, TAPS / 2, &mut Default::default())
+    } else {
+        found
+    }
+}
+
+/// By all samples that what is asked for stands for.
+fn far<K: Kernel>(
+    window: &Window<'_>,
+    place: Place,
+    scale: Scale,
+    radius: usize,
+    weights: &mut [Vec<f64>; 2],
+) -> f64 {
+    let first = weigh::<K>(place, scale, radius, weights);
+    let found = whole(window, &Taps { first, weights: weights.each_ref().map(|own| &own[..]) });
+    if found.is_nan() { partial(window, place, scale) } else { found }
+}
+
+/// Fills the weights of the samples along both axes, but for those at the ends that have none, and tells the first of
+/// them.
+fn weigh<K: Kernel>(
+    place: Place,
+    scale: Scale,
+    radius: usize,
+    weights: &mut [Vec<f64>; 2],
+) -> [i64; 2] {
+    [0, 1].map(|axis| {
+        let (at, scale) = (place[axis], scale.get()[axis]);
+        let reach = (radius as f64 * scale).ceil() as i64;
+        let first = at.floor() as i64 - reach + 1;
+        weights[axis].clear();
+        let distance = |tap: i64| ((first + tap) as f64 - at).abs() / scale;
+        let own = (0..2 * reach).map(|tap| K::weight(distance(tap)));
+        let none = own.clone().take_while(|weight| *weight == 0.0).count();
+        weights[axis].extend(own.skip(none));
+        while weights[axis].last() == Some(&0.0) {
+            weights[axis].pop();
+        }
+        first + none as i64
+    })
+}
+
+/// By all samples; not a number where one is void or beyond the window.
+#[inline(always)]
+fn whole(window: &Window<'_>, taps: &Taps<'_>) -> f64 {
+    let [across, down] = taps.weights;
+    let mut sum = 0.0;
+    for (row, weight) in (taps.first[1]..).zip(down) {
+        let Some(heights) = window.row([taps.first[0], row], across.len()) else {
+            return f64::NAN;
+        };
+        let along: f64 = across.iter().zip(heights).map(|(weight, height)| weight * height).sum();
+        sum += weight * along;
+    }
+    sum / (across.iter().sum::<f64>() * down.iter().sum::<f64>())
+}
+
+/// Bilinear, by the valid ones of the samples: the nearest is one of them, so there is a weight.
+#[cold]
+fn partial(window: &Window<'_>, place: Place, scale: Scale) -> f64 {
+    let mut weights = [Vec::new(), Vec::new()];
+    let first = weigh::<Bilinear>(place, scale, 1, &mut weights);
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (row, down) in (first[1]..).zip(&weights[1]) {
+        for (col, across) in (first[0]..).zip(&weights[0]) {
+            let (height, weight) = (window.at([col, row]), across * down);
+            if !height.is_nan() {
+                sum += weight * height;
+                total += weight;
+            }
+        }
+    }
+    sum / total
+}

@@ -1,0 +1,51 @@
+//! Tiles of a globe's terrain at every level of detail, each with a proven error.
+//!
+//! A tile is a mesh of places in degrees and heights in metres, rounded to a lattice; a client draws flat triangles
+//! between them, on the bent earth. The error of a tile is the largest vertical distance of any sample under it
+//! from what is drawn: rounding and bend are in it. No tile is further off than clients take its level to be, where
+//! positions can tell its samples apart.
+//!
+//! - Borders are chosen from what lies on them alone, and heights of a level are on one lattice, so tiles beside
+//!   each other have the same border, bit by bit ([`Level`], `border`).
+//! - Within, the sample that is furthest off becomes a vertex (Garland & Heckbert 1995) until all are near enough;
+//!   the kernel counts heights from a plane, so it knows of the bend ([`build`]).
+//! - Then every sample is measured against the surface as it is decoded, along what is upright there ([`Shell`]);
+//!   those beyond the error become vertices, and all are measured again.
+//!
+//! Voids are spanned by triangles between what is known and means of what is around ([`Fill`]); beyond the grid the
+//! ground falls from its edge to the ellipsoid, or goes on level ([`Chart::sloping`]).
+
+mod border;
+mod chart;
+mod encode;
+mod fold;
+mod globe;
+mod gltf;
+mod ground;
+mod horizon;
+mod level;
+mod measure;
+mod outline;
+mod overview;
+mod parts;
+mod run;
+mod skirt;
+mod subtree;
+mod surface;
+mod table;
+#[cfg(test)]
+mod tests;
+mod tiling;
+
+pub use chart::Chart;
+pub use encode::{Extras, MASK_SIDE, MASK_WATER, quantized_mesh};
+pub use globe::{Turn, Upright, Vector};
+pub use gltf::{Facts, Form, glb, in_shorts};
+pub use ground::{Fill, Ground, Means, Patch, Sample};
+pub use level::{Level, Relief, deepest_for};
+pub use measure::{Measure, Shell};
+pub use overview::{Block, Blocks, Gathered, Glance, Lie, Overview, Plan};
+pub use run::{Row, Run};
+pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
+pub use surface::{Builder, Tile, Vertex, build};
+pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};

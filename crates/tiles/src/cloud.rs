@@ -1,0 +1,221 @@
+//! Tiles of a cloud: a model of its ground is made first, as `grid` makes it, and the tiles are those of the model.
+
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+
+use super::{ModelOptions, TilesJob, TilesReport};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{self as cloud, OpenOptions};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::beside;
+use terrane_engine::memory::with_polygons;
+use terrane_engine::operation::Divisible;
+use terrane_engine::outputs::place;
+use terrane_engine::plan::{DiskCheck, Form, RunJob, refuse_file};
+use terrane_engine::sift::Skipped;
+use terrane_files::atomic::refuse_existing;
+use terrane_files::{folder_for, name_of, path_of};
+use terrane_lidar::grid::GridOptions;
+use terrane_lidar::grid::plan::{PlanGridJob, plan_grid};
+use terrane_lidar::grid::{self, GridJob, Placement, Preset};
+use terrane_raster::Inputs;
+
+/// The format of a model: all that is known of a grid, in blocks that are mapped.
+const FORMAT: &str = "store";
+/// What is made in a folder for work: the model, and the tiles.
+const PARTS: [&str; 2] = ["model", "tiles"];
+/// The file of a model.
+const MODEL: &str = "model.tif";
+
+/// The model of the ground of a cloud.
+#[derive(Clone, Debug)]
+pub struct GroundModel {
+    /// Files, folders, patterns or lists of clouds.
+    pub input: Inputs,
+    /// How they are read.
+    pub cloud: OpenOptions,
+    /// Its cells, and which points are ground.
+    pub model: ModelOptions,
+}
+
+/// Where what is done is kept, and how it is gone on with.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// Files that are left out of the cloud.
+    pub skipped: &'a [Skipped],
+    /// Whether there has to be room on disk.
+    pub disk: DiskCheck,
+}
+
+impl Kept<'_> {
+    /// Fails where a file is in place of the folder, or the output in that of the work.
+    fn check(&self, output: &Path) -> Result<()> {
+        refuse_file(self.folder)?;
+        let is_in = |part: &str| {
+            let part = self.folder.join(part);
+            let near = std::path::absolute(&part).ok().zip(std::path::absolute(output).ok());
+            near.is_some_and(|(part, output)| output.starts_with(part))
+                || std::fs::canonicalize(part).is_ok_and(|part| place(output).starts_with(part))
+        };
+        match PARTS.iter().any(|part| is_in(part)) {
+            true => Err(Error::usage("lies in the folder of the work")
+                .in_file(output)
+                .remedy("choose a place elsewhere")),
+            false => Ok(()),
+        }
+    }
+}
+
+/// A model that is made: it goes with this, unless it is kept in a folder for work.
+pub struct Made {
+    /// Called what the cloud is.
+    pub inputs: Inputs,
+    path: PathBuf,
+    /// What it was made of, and what is to be said of that.
+    pub notes: Vec<String>,
+    _temporary: Option<TempDir>,
+}
+
+/// Makes tiles of a cloud; the input of the job is not looked at. Nothing appears under the output's name unless it
+/// succeeds. With a folder for work both the model and the tiles go on where they were, if they were killed.
+///
+/// # Errors
+/// Those of [`grid::run`] and [`run`](super::run); a cloud whose place on the globe is not known.
+pub fn run_cloud(
+    model: &GroundModel,
+    job: &TilesJob,
+    kept: Option<Kept<'_>>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesReport> {
+    super::check_formats(&job.tiles)?;
+    let resources = &job.resources;
+    let made = match kept {
+        None => {
+            refuse_existing(&job.output, job.overwrite)?;
+            model.make(&job.output, resources, progress, cancel)?
+        }
+        Some(kept) => {
+            kept.check(&job.output)?;
+            model.keep(kept, resources, progress, cancel)?
+        }
+    };
+    let tiles = TilesJob { input: made.inputs.clone(), ..job.clone() };
+    let report = with_polygons(&model.cloud, &job.resources, |resources| {
+        let tiles = TilesJob { resources, ..tiles };
+        match kept {
+            None => super::run(&tiles, progress, cancel),
+            Some(Kept { folder, disk, .. }) => {
+                super::run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
+            }
+        }
+    });
+    let report = report.map_err(|error| made.renamed(error))?;
+    let mut report = TilesReport { notes: [made.notes, report.notes].concat(), ..report };
+    report.run.memory_budget = job.resources.memory;
+    Ok(report)
+}
+
+impl GroundModel {
+    fn made(&self, path: PathBuf, notes: Vec<String>, temporary: Option<TempDir>) -> Result<Made> {
+        let names = self.input.names();
+        let files = || cloud::files(names).unwrap_or_else(|_| names.to_vec());
+        let label = self.input.label().map(str::to_owned);
+        let label = label.unwrap_or_else(|| beside::in_order(&files()).to_string());
+        let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
+        Ok(Made { inputs, path, notes, _temporary: temporary })
+    }
+
+    /// Makes the model in a folder that goes with it, beside `output`.
+    pub fn make(
+        &self,
+        output: &Path,
+        resources: &Resources,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Made> {
+        let folder = folder_for(output, resources.temp_dir.as_deref());
+        let job = self.job(resources)?;
+        let temporary = tempfile::Builder::new()
+            .prefix(".terrane-")
+            .tempdir_in(folder)
+            .map_err(|e| Error::write(folder, e))?;
+        let path = temporary.path().join(MODEL);
+        let made = grid::run(&GridJob { output: path.clone(), ..job }, progress, cancel)?;
+        self.made(path, made.notes, Some(temporary))
+    }
+
+    /// Makes the model by a plan in a folder, or finds it made there.
+    fn keep(
+        &self,
+        kept: Kept<'_>,
+        resources: &Resources,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Made> {
+        let job = self.job(resources)?;
+        let folder = kept.folder.join(PARTS[0]);
+        std::fs::create_dir_all(&folder).map_err(|e| Error::write(&folder, e))?;
+        let path = folder.join(MODEL);
+        let plan = PlanGridJob {
+            job: GridJob { output: path.clone(), overwrite: true, ..job },
+            folder: folder.clone(),
+            cut: None,
+            skipped: kept.skipped.to_vec(),
+        };
+        plan_grid(&plan, progress, cancel)?;
+        let run = RunJob {
+            folder,
+            task: None,
+            output: Some(path.clone()),
+            overwrite: true,
+            form: Form::default(),
+            disk: kept.disk,
+            resources: resources.clone(),
+        };
+        let made = GridOptions::run_plan(&run, progress, cancel)?.of.grid;
+        self.made(path, made.map_or_else(Vec::new, |made| made.notes), None)
+    }
+
+    /// The job that makes it; its output is left to be named.
+    ///
+    /// # Errors
+    /// A cloud that cannot be opened, that does not say where it lies, or whose points are too few to tell how far
+    /// apart they are.
+    fn job(&self, resources: &Resources) -> Result<GridJob> {
+        let names = self.input.names();
+        let of_cloud = |error: Error| match names {
+            [name] => error.in_file(&path_of(name)),
+            _ => error,
+        };
+        if cloud::source(names, &self.cloud)?.info().crs.is_unknown() {
+            let error = Error::bad_input("does not say where on the globe it lies");
+            return Err(of_cloud(error.remedy("name its reference system: ‹crs› EPSG:2154")));
+        }
+        let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), Preset::Dtm, 1.0);
+        let model = GridJob {
+            cloud: self.cloud.clone(),
+            format: Some(FORMAT.to_owned()),
+            ground: self.model.ground,
+            placement: Placement { cell: self.model.cell, ..Placement::default() },
+            resources: resources.clone(),
+            ..model
+        };
+        model.settled().map_err(of_cloud)
+    }
+}
+
+impl Made {
+    /// An error about the model as one about the cloud.
+    pub fn renamed(&self, error: Error) -> Error {
+        match error.path() {
+            Some(path) if path == self.path => error.renamed(Path::new(&self.inputs.to_string())),
+            _ => error,
+        }
+    }
+}

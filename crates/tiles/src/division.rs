@@ -1,0 +1,222 @@
+//! How the work on tiles is divided, by the place of a grid alone: rows that are looked at, regions whose samples are
+//! read once, and the tiles above them.
+
+use std::fmt;
+use std::ops::Range;
+
+use super::place::Place;
+use terrane_engine::plan::Numbered;
+use terrane_globe::{Blocks, Bounds, DEEPEST, TileId, degrees};
+
+/// Samples along a side of the tiles that are made of samples read once.
+pub(super) const REGION: f64 = 1024.0;
+/// Samples that are looked at by one task, about.
+const LOOK_SAMPLES: u64 = 1 << 30;
+/// Rows of a task that looks are a multiple of so many: those of files' blocks, mostly.
+const LOOK_ROWS: u32 = 1024;
+
+/// A task, by number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Task {
+    /// Looks at rows of the grid.
+    Look(u32),
+    /// Makes the tiles of regions.
+    Near(u32),
+    /// Makes tiles that hold regions.
+    Far(u32),
+}
+
+impl Task {
+    /// By name.
+    pub(super) const NAMES: [Numbered<Self>; 3] =
+        [("look", Self::Look), ("near", Self::Near), ("far", Self::Far)];
+}
+
+impl fmt::Display for Task {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Look(number) => write!(f, "look-{number}"),
+            Self::Near(number) => write!(f, "near-{number}"),
+            Self::Far(number) => write!(f, "far-{number}"),
+        }
+    }
+}
+
+/// Tiles of a level in a rectangle, row by row from the north.
+struct Rows {
+    level: u8,
+    west: u32,
+    north: u32,
+    columns: u64,
+    count: u64,
+}
+
+/// Tiles by number.
+pub(super) struct Sweep(Vec<Rows>);
+
+impl Sweep {
+    pub(super) fn len(&self) -> u64 {
+        self.0.iter().map(|rows| rows.count).sum()
+    }
+
+    /// Those of some numbers, as many of them as there are.
+    pub(super) fn part(&self, numbers: Range<u64>) -> Vec<TileId> {
+        let mut first = 0;
+        let mut found = Vec::new();
+        for rows in &self.0 {
+            let [from, to] =
+                [numbers.start, numbers.end].map(|i| i.clamp(first, first + rows.count) - first);
+            found.extend((from..to).map(|i| rows.at(i)));
+            first += rows.count;
+        }
+        found
+    }
+
+    pub(super) fn all(&self) -> Vec<TileId> {
+        self.part(0..self.len())
+    }
+}
+
+impl Rows {
+    fn at(&self, i: u64) -> TileId {
+        let [x, y] = [i % self.columns, i / self.columns].map(|at| at as u32);
+        TileId { level: self.level, x: self.west + x, y: self.north - y }
+    }
+}
+
+/// How the work is divided.
+#[derive(Clone, Debug)]
+pub(super) struct Division {
+    pub(super) place: Place,
+    /// The deepest level.
+    pub(super) last: u8,
+    /// The first level whose tiles are regions or parts of one; it may be beyond the deepest that is made: whatever is
+    /// made of a grid, no more of it is read at once.
+    pub(super) near: u8,
+}
+
+impl Division {
+    /// Of tiles down to a level.
+    pub(super) fn new(place: Place, last: u8) -> Self {
+        let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
+        let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
+        Self { place, last, near }
+    }
+
+    /// The level after the last whose tiles hold regions and are made.
+    pub(super) fn far_end(&self) -> u8 {
+        self.near.min(self.last + 1)
+    }
+
+    /// Meridians and parallels that are borders of tiles of levels before the regions'.
+    pub(super) fn lines(&self) -> [Vec<f64>; 2] {
+        let Some(level) = self.far_end().checked_sub(1) else { return [Vec::new(), Vec::new()] };
+        let [cols, rows] = TileId::meeting(level, &self.place.bounds());
+        let width = degrees(level);
+        [(cols, -180.0), (rows, -90.0)].map(|([first, last], from)| {
+            (first..=last + 1).map(|i| from + f64::from(i) * width).collect()
+        })
+    }
+
+    /// Regions, from the north as rows of grids mostly are.
+    pub(super) fn regions(&self) -> Sweep {
+        Sweep(vec![self.rows_of(self.near)])
+    }
+
+    /// Those of all levels before one that may be made; and both of level 0, which every client asks for.
+    pub(super) fn above(&self, end: u8) -> Sweep {
+        let roots = Rows { level: 0, west: 0, north: 0, columns: 2, count: 2 };
+        Sweep(std::iter::once(roots).chain((1..end).map(|level| self.rows_of(level))).collect())
+    }
+
+    /// Tiles of a level.
+    pub(super) fn level(&self, level: u8) -> Sweep {
+        Sweep(vec![self.rows_of(level)])
+    }
+
+    fn rows_of(&self, level: u8) -> Rows {
+        let [[west, east], [south, north]] = TileId::meeting(level, &self.place.bounds());
+        let [columns, rows] = [east - west, north - south].map(|last| u64::from(last) + 1);
+        Rows { level, west, north, columns, count: columns * rows }
+    }
+
+    /// Tasks that look, that make regions, and that make what is above, with so many tiles in each of these.
+    pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
+        let tasks = |tiles: Sweep| tiles.len().div_ceil(u64::from(cut)) as u32;
+        let looks = self.place.whole[1].div_ceil(self.look_rows());
+        [looks, tasks(self.regions()), tasks(self.above(self.far_end()))]
+    }
+
+    fn look_rows(&self) -> u32 {
+        let rows = LOOK_SAMPLES / u64::from(self.place.whole[0]);
+        (rows as u32).max(1).next_multiple_of(LOOK_ROWS.max(Blocks::of(self.place.whole).side))
+    }
+
+    /// The rows that a task looks at: the first, and the one after the last.
+    pub(super) fn rows(&self, look: u32) -> [u32; 2] {
+        let (rows, height) = (u64::from(self.look_rows()), u64::from(self.place.whole[1]));
+        let at = |look: u32| (u64::from(look) * rows).min(height) as u32;
+        [at(look), at(look + 1)]
+    }
+
+    /// Samples of the grid in a rectangle, about.
+    pub(super) fn samples(&self, bounds: &Bounds) -> u64 {
+        let all = &self.place.bounds();
+        let side = |low: f64, high: f64, from: f64, to: f64, step: f64| {
+            ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
+        };
+        // As if they were evenly in the rectangle around all.
+        let [dx, dy] = [(all.east - all.west, 0), (all.north - all.south, 1)].map(
+            |(degrees, axis): (f64, usize)| degrees / f64::from(self.place.whole[axis].max(2) - 1),
+        );
+        side(bounds.west, bounds.east, all.west, all.east, dx.max(f64::MIN_POSITIVE))
+            * side(bounds.south, bounds.north, all.south, all.north, dy.max(f64::MIN_POSITIVE))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::Affine;
+
+    fn division(side: u32, seconds: f64) -> Division {
+        let step = seconds / 3600.0;
+        let map = Affine { x0: 7.0, a: step, b: 0.0, y0: 46.0, d: 0.0, e: -step };
+        let place = Place::of(&terrane_globe::Chart::straight(map, [side; 2]));
+        Division::new(place, terrane_globe::deepest_for(step))
+    }
+
+    #[test]
+    fn tasks_hold_all_there_is_to_do() {
+        for (side, seconds) in [(2, 1.0), (500, 3600.0 / 8.0), (9000, 1.0), (80_000, 0.3)] {
+            let division = division(side, seconds);
+            for cut in [1, 7, 128] {
+                let [looks, near, far] = division.counts(cut).map(|count| count as usize);
+                for (tasks, sweep) in
+                    [(near, division.regions()), (far, division.above(division.far_end()))]
+                {
+                    let cut = u64::from(cut);
+                    let parts: Vec<Vec<TileId>> =
+                        (0..tasks as u64).map(|i| sweep.part(i * cut..(i + 1) * cut)).collect();
+                    assert!(parts.iter().all(|part| !part.is_empty()));
+                    assert_eq!(parts.concat(), sweep.all());
+                    let set: std::collections::BTreeSet<TileId> = sweep.all().into_iter().collect();
+                    assert_eq!(set.len() as u64, sweep.len());
+                    // Whatever has a sample is among them.
+                    let Bounds { west, south, east, north } = division.place.bounds();
+                    for place in [[west, south], [east, north], [west, north]] {
+                        let at = |id: &&TileId| {
+                            id.bounds().holds(place) && id.level + 1 >= division.near
+                        };
+                        assert!(set.iter().any(|id| at(&id)) || division.near == 0);
+                    }
+                }
+                let ends: Vec<[u32; 2]> = (0..looks as u32).map(|i| division.rows(i)).collect();
+                assert!(ends.windows(2).all(|pair| pair[0][1] == pair[1][0]));
+                assert_eq!((ends[0][0], ends[looks - 1][1]), (0, side));
+                assert!(ends.iter().all(|[first, end]| first < end));
+            }
+        }
+        assert!(division(80_000, 0.3).counts(1)[0] > 5);
+    }
+}

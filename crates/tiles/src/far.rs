@@ -1,0 +1,93 @@
+//! Tiles with more samples than are looked at one by one.
+
+use super::Ground;
+use super::folder::Made;
+use super::spans::Known;
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_engine::Cancel;
+use terrane_globe::{Bounds, Builder, Ground as _, Level, Lie, Patch, Run, Shell, TileId};
+
+impl Ground<'_> {
+    /// Makes a tile of a far level, of each set; `known` has all tiles there are.
+    pub(super) fn far(&self, id: TileId, known: &Known, cancel: &Cancel) -> Result<Vec<Made>> {
+        let water = self.opened.mask.as_ref().map(|mask| mask.pixels(id));
+        let beside = (known, water.as_deref());
+        self.of_level(id).enumerate().map(|of| self.far_of(of, id, beside, cancel)).collect()
+    }
+
+    fn far_of(
+        &self,
+        (set, level): (usize, &Level),
+        id: TileId,
+        beside: (&Known, Option<&[u8]>),
+        cancel: &Cancel,
+    ) -> Result<Made> {
+        let bounds = id.bounds();
+        let mut builder = Builder::new(id, level, self.overview)?;
+        builder.fit(|take| {
+            self.overview.runs(&bounds, 1, &mut |run| take(run));
+            self.overview.feet(&bounds, level.stride, &mut |foot| take(Run::One(foot)));
+        });
+        let tile = builder.refine(|shell| self.measure(&bounds, level, shell, cancel))?;
+        Made::new((set, &tile), self.opened, level, self.overview, beside)
+    }
+
+    /// Measures all samples of a rectangle: by blocks, and one by one where blocks do not tell, or tell of more than
+    /// clients assume.
+    fn measure(
+        &self,
+        bounds: &Bounds,
+        level: &Level,
+        shell: &mut Shell,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let [cols, rows] = self.overview.blocks_in(bounds);
+        let mut heights = Vec::new();
+        for row in rows[0]..rows[1] {
+            cancel.check()?;
+            // Neighbours in a row are read together.
+            let mut open: Option<Rect> = None;
+            for col in cols[0]..cols[1] {
+                let block = self.overview.block([col, row]);
+                let corners = self.overview.corners([col, row]);
+                let off = [block.off(), self.overview.bow([col, row])];
+                let is_told = block.count == 0
+                    || match self.overview.lie([col, row], &corners, bounds) {
+                        Lie::Beside => true,
+                        Lie::Within => shell.add_block(&corners, off, block.count, level.assumed),
+                        Lie::Across => false,
+                    };
+                if is_told {
+                    self.read(open.take(), bounds, level, shell, &mut heights)?;
+                    continue;
+                }
+                let rect = self.overview.plan().rect([col, row]);
+                open = Some(match open {
+                    Some(before) => Rect { width: before.width + rect.width, ..before },
+                    None => rect,
+                });
+            }
+            self.read(open, bounds, level, shell, &mut heights)?;
+        }
+        Ok(())
+    }
+
+    fn read(
+        &self,
+        rect: Option<Rect>,
+        bounds: &Bounds,
+        level: &Level,
+        shell: &mut Shell,
+        heights: &mut Vec<f64>,
+    ) -> Result<()> {
+        let Some(rect) = rect else { return Ok(()) };
+        let opened = self.opened;
+        opened.read(rect, heights)?;
+        let fill = self.overview.voids();
+        let patch = Patch::new(heights, rect, opened.look.chart(), fill);
+        patch.runs(bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
+        opened.grid.copied(rect);
+        Ok(())
+    }
+}

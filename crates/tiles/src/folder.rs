@@ -1,0 +1,392 @@
+//! The folder of a tile set: a file for each tile, and `layer.json` or `tileset.json`, which says what there is; of
+//! several formats, a folder of that kind for each.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use libdeflater::{CompressionLvl, Compressor};
+use serde_json::{Value, json};
+
+use super::format::Format;
+use super::report::{LevelReport, TilesReport};
+use super::spans::Known;
+use super::{Ground, Opened, TilesJob, three};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::Cancel;
+use terrane_engine::outputs::refuse_file_name;
+use terrane_files::atomic::{AtomicFile, AtomicFolder};
+use terrane_files::lock;
+use terrane_globe::{Extras, Facts, Form, Level, Tile, TileId, glb, level_error, quantized_mesh};
+use terrane_options::Choice;
+
+/// The name of what says what there is.
+const LAYER: &str = "layer.json";
+/// Of a tile's file.
+const ENDING: &str = "terrain";
+/// Every so many levels tiles tell what there is below them: clients that know the extension ask for it.
+const TOLD_LEVELS: u8 = 10;
+/// How hard files are compressed, of 12.
+const EFFORT: i32 = 9;
+
+/// What was made of a level in a format.
+#[derive(Clone, Copy, Debug, Default)]
+struct Row {
+    largest: f64,
+    vertices: u64,
+    triangles: u64,
+    bytes: u64,
+}
+
+/// The file of a tile.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Made {
+    /// The number of its format, of those asked for; none of a tile that is only known of.
+    pub(super) set: Option<usize>,
+    pub(super) id: TileId,
+    /// Metres that no sample is further from it.
+    pub(super) largest: f64,
+    pub(super) vertices: u32,
+    pub(super) triangles: u32,
+    /// What 3D Tiles tell of it.
+    pub(super) facts: Option<Facts>,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Made {
+    /// Of a tile beyond the deepest level that is made, in which there are samples.
+    pub(super) fn nothing(id: TileId) -> Self {
+        let (largest, vertices, triangles, facts, bytes) = (0.0, 0, 0, None, Vec::new());
+        Self { set: None, id, largest, vertices, triangles, facts, bytes }
+    }
+
+    /// Of a tile of a set; `known` has all tiles that it has to tell of, and `water` is its mask.
+    pub(super) fn new(
+        (set, tile): (usize, &Tile),
+        opened: &Opened,
+        level: &Level,
+        ground: &impl terrane_globe::Ground,
+        (known, water): (&Known, Option<&[u8]>),
+    ) -> Result<Self> {
+        let job = &opened.job;
+        let normals = job.tiles.normals.then_some((level, ground));
+        let (bytes, facts) = match job.tiles.format[set] {
+            Format::QuantizedMesh => {
+                let below = below(tile.id, opened.division.last, known);
+                let extras = Extras { available: below.as_deref(), water };
+                (quantized_mesh(tile, normals, extras)?, None)
+            }
+            Format::ThreeTiles => {
+                let (edges, meshopt, skirt) =
+                    (job.tiles.tile_edges, job.tiles.meshopt, level.skirt);
+                let (bytes, facts) = glb(tile, normals, Form { edges, meshopt, skirt })?;
+                (bytes, Some(facts))
+            }
+        };
+        Ok(Self {
+            set: Some(set),
+            id: tile.id,
+            largest: tile.measure.largest,
+            vertices: tile.vertices.len() as u32,
+            triangles: tile.triangles.len() as u32,
+            facts,
+            bytes: if job.tiles.gzip { packed(&bytes)? } else { bytes },
+        })
+    }
+}
+
+/// What tiles there are in one that has to tell of them, as JSON: places of so many levels below.
+fn below(id: TileId, last: u8, known: &Known) -> Option<String> {
+    if !id.level.is_multiple_of(TOLD_LEVELS) || id.level >= last {
+        return None;
+    }
+    let levels = 1..=TOLD_LEVELS.min(last - id.level);
+    Some(Value::Array(levels.map(|by| known.below(id, by).rectangles()).collect()).to_string())
+}
+
+/// A folder in the making.
+pub(super) struct Folder {
+    folder: AtomicFolder,
+    formats: Vec<Format>,
+    compress: bool,
+    held: Mutex<Held>,
+}
+
+/// What is known of the files in it.
+#[derive(Default)]
+struct Held {
+    known: Known,
+    /// By set and level.
+    rows: BTreeMap<(usize, u8), Row>,
+    /// What 3D Tiles tell of each tile.
+    facts: BTreeMap<TileId, Facts>,
+}
+
+impl Folder {
+    /// With nothing in it.
+    pub(super) fn create(job: &TilesJob) -> Result<Self> {
+        refuse_file_name(&job.output)?;
+        let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
+        let (formats, compress) = (job.tiles.format.clone(), job.tiles.gzip);
+        Ok(Self { folder, formats, compress, held: Mutex::default() })
+    }
+
+    /// Where the files of a set are: in the folder itself where it is the only one.
+    fn inside(&self, set: usize) -> PathBuf {
+        match self.formats.len() {
+            1 => self.folder.inside().to_path_buf(),
+            _ => self.folder.inside().join(self.formats[set].name()),
+        }
+    }
+
+    /// Writes a tile.
+    pub(super) fn put(&self, made: &Made) -> Result<()> {
+        let TileId { level, x, y } = made.id;
+        let Some(set) = made.set else {
+            lock(&self.held).known.insert(made.id);
+            return Ok(());
+        };
+        let name = match self.formats[set] {
+            Format::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
+            Format::ThreeTiles => three::name_of(made.id, three::ENDING),
+        };
+        self.write(set, &name, &made.bytes)?;
+        let mut held = lock(&self.held);
+        held.known.insert(made.id);
+        held.facts.extend(made.facts.map(|facts| (made.id, facts)));
+        let row = held.rows.entry((set, level)).or_default();
+        row.largest = row.largest.max(made.largest);
+        row.vertices += u64::from(made.vertices);
+        row.triangles += u64::from(made.triangles);
+        row.bytes += made.bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Writes a file of a set.
+    fn write(&self, set: usize, name: &str, bytes: &[u8]) -> Result<()> {
+        let path = self.inside(set).join(name);
+        let mut written = std::fs::write(&path, bytes);
+        if written.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::NotFound) {
+            let folder = path.parent().unwrap_or(&path);
+            std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
+            written = std::fs::write(&path, bytes);
+        }
+        written.map_err(|e| Error::write(&path, e))
+    }
+
+    /// The tiles that are written.
+    pub(super) fn known(&self) -> Known {
+        lock(&self.held).known.clone()
+    }
+
+    /// Writes what says what there is, and gives the folder its name.
+    pub(super) fn finish(self, ground: &Ground<'_>, cancel: &Cancel) -> Result<TilesReport> {
+        let mut held = std::mem::take(&mut *lock(&self.held));
+        three::nest(&mut held.facts);
+        let (mut levels, mut bytes) = (Vec::new(), 0);
+        for (set, format) in self.formats.iter().enumerate() {
+            let told = told(ground, set, &held);
+            let (name, text) = match format {
+                Format::QuantizedMesh => (LAYER, layer(ground, &held.known, &told)),
+                Format::ThreeTiles => {
+                    bytes += self.subtrees(set, &held.facts, cancel)?;
+                    (three::TILESET, three::tileset(ground, &told, &held.facts))
+                }
+            };
+            let path = self.inside(set).join(name);
+            let mut file = AtomicFile::create(&path, false)?;
+            let text = serde_json::to_vec_pretty(&text).unwrap_or_default();
+            file.write_all(&text).map_err(|e| Error::write(&path, e))?;
+            bytes += file.commit()?;
+            levels.extend(told);
+        }
+        cancel.check()?;
+        sync(self.folder.inside());
+        self.folder.commit()?;
+        let Opened { job, division, grid, .. } = ground.opened;
+        let [width, height] = division.place.whole.map(u64::from);
+        Ok(TilesReport {
+            input: job.input.to_string(),
+            output: job.output.display().to_string(),
+            crs: grid.info().crs.label(),
+            tiles: levels.iter().map(|level| level.tiles).sum(),
+            samples: width * height,
+            output_bytes: bytes + levels.iter().map(|level| level.bytes).sum::<u64>(),
+            levels,
+            notes: ground.notes(),
+            ..TilesReport::default()
+        })
+    }
+
+    /// Writes the subtrees of a set; how long they are.
+    fn subtrees(
+        &self,
+        set: usize,
+        facts: &BTreeMap<TileId, Facts>,
+        cancel: &Cancel,
+    ) -> Result<u64> {
+        let mut written = 0;
+        for (top, subtree) in three::subtrees(facts) {
+            cancel.check()?;
+            let bytes = if self.compress { packed(&subtree)? } else { subtree };
+            self.write(set, &three::name_of(top, three::SUBTREE), &bytes)?;
+            written += bytes.len() as u64;
+        }
+        Ok(written)
+    }
+}
+
+/// What was made of each level of a set.
+fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
+    let rows = held.rows.iter().filter(|((of, _), _)| *of == set);
+    let told = rows.map(|((_, level), row)| {
+        let of_level = &ground.levels[set][usize::from(*level)];
+        LevelReport {
+            format: ground.opened.job.tiles.format[set].name().to_owned(),
+            level: *level,
+            tolerance: level_error(*level).max(row.largest),
+            step: of_level.step,
+            lattice: of_level.lattice,
+            skirt: (of_level.skirt > 0).then(|| of_level.skirt_depth()),
+            error: row.largest,
+            tiles: held.known.level(*level).count(),
+            vertices: row.vertices,
+            triangles: row.triangles,
+            bytes: row.bytes,
+        }
+    });
+    told.collect()
+}
+
+/// Asks the system to put all files on disk: one by one they would take minutes.
+#[cfg(target_os = "linux")]
+fn sync(folder: &Path) {
+    if let Ok(file) = std::fs::File::open(folder) {
+        let _best_effort = rustix::fs::syncfs(file);
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn sync(_: &Path) {}
+
+thread_local! {
+    /// What a thread packs with: it is large, and files are small.
+    static PACKER: RefCell<Compressor> =
+        RefCell::new(Compressor::new(CompressionLvl::new(EFFORT).unwrap_or_default()));
+}
+
+fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
+    PACKER.with_borrow_mut(|packer| {
+        let mut out = vec![0; packer.gzip_compress_bound(bytes.len())];
+        let size = packer
+            .gzip_compress(bytes, &mut out)
+            .map_err(|e| Error::new(ErrorKind::Internal, format!("cannot compress a tile: {e}")))?;
+        out.truncate(size);
+        Ok(out)
+    })
+}
+
+/// What clients are told: the format, where there are tiles, and what is proven of them.
+fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
+    let Opened { job, division, .. } = ground.opened;
+    let (bounds, last) = (&division.place.bounds(), division.last);
+    let available: Vec<Value> = (0..=last).map(|level| known.level(level).rectangles()).collect();
+    let levels = told.iter().map(|LevelReport { level, tolerance, step, error, tiles, .. }| {
+        json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
+    });
+    let levels: Vec<Value> = levels.collect();
+    let extensions = [
+        (job.tiles.normals, "octvertexnormals"),
+        (ground.opened.mask.is_some(), "watermask"),
+        (true, "metadata"),
+    ];
+    let extensions: Vec<&str> =
+        extensions.into_iter().filter(|(is, _)| *is).map(|(_, name)| name).collect();
+    json!({
+        "tilejson": "2.1.0",
+        "name": "terrain",
+        "description": "",
+        "version": "1.0.0",
+        "format": "quantized-mesh-1.0",
+        "attribution": "",
+        "scheme": "tms",
+        "extensions": extensions,
+        "tiles": ["{z}/{x}/{y}.terrain?v={version}"],
+        "projection": "EPSG:4326",
+        "bounds": [bounds.west, bounds.south, bounds.east, bounds.north],
+        "minzoom": 0,
+        "maxzoom": last,
+        "metadataAvailability": TOLD_LEVELS,
+        "available": available,
+        "terrane": {
+            "version": env!("CARGO_PKG_VERSION"),
+            "source": terrane_engine::beside::source(&job.input),
+            "voids": "filled",
+            "beyond": job.tiles.beyond.name(),
+            "heights": ground.opened.heights.from,
+            "levels": levels,
+        },
+    })
+}
+
+/// True for a folder of tiles, or of folders of tiles of the formats, that holds nothing else.
+fn is_tiles(path: &Path) -> bool {
+    let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let Ok(entries) = entries else { return false };
+    let is_set = |name: &std::ffi::OsStr| Format::names().iter().any(|known| name == known.name);
+    match !entries.is_empty() && entries.iter().all(|entry| is_set(&entry.file_name())) {
+        true => entries.iter().all(|entry| is_one_set(&entry.path())),
+        false => is_one_set(path),
+    }
+}
+
+/// True for a folder of tiles of one format that holds nothing else; damaged ones are such, too.
+fn is_one_set(path: &Path) -> bool {
+    let layer = Kind { told: LAYER, top: &[], endings: &[ENDING] };
+    let tileset = Kind {
+        told: three::TILESET,
+        top: &three::HALVES,
+        endings: &[three::ENDING, three::SUBTREE],
+    };
+    let is_set =
+        |kind: &Kind<'_>, depth| path.join(kind.told).is_file() && kind.holds_all(path, depth);
+    is_set(&layer, 1) || is_set(&tileset, 0)
+}
+
+/// What a set of a format has in its folder: the file that tells of it, folders at the top, and files of tiles.
+struct Kind<'a> {
+    told: &'a str,
+    top: &'a [&'a str],
+    endings: &'a [&'a str],
+}
+
+impl Kind<'_> {
+    /// Whether all in a folder belongs to a set, by names: at depth 0 the folders at the top; below them folders of
+    /// numbers, two deep, with tiles in them.
+    fn holds_all(&self, path: &Path, depth: u32) -> bool {
+        let Ok(mut entries) = std::fs::read_dir(path) else { return false };
+        let first = u32::from(self.top.is_empty());
+        entries.all(|entry| {
+            let Ok(entry) = entry else { return false };
+            let name = PathBuf::from(entry.file_name());
+            let is_number =
+                |name: &Path| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
+            match entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                true if depth == 0 => {
+                    self.top.iter().any(|top| name == Path::new(top))
+                        && self.holds_all(&entry.path(), 1)
+                }
+                true => depth < 3 && is_number(&name) && self.holds_all(&entry.path(), depth + 1),
+                false if depth == first => name == Path::new(self.told),
+                false => {
+                    depth == 3
+                        && name
+                            .extension()
+                            .is_some_and(|found| self.endings.iter().any(|ending| found == *ending))
+                }
+            }
+        })
+    }
+}

@@ -1,0 +1,82 @@
+//! The first look at a grid, all of it once.
+
+use super::division::Division;
+use super::{Opened, near};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_engine::plan::At;
+use terrane_engine::workers;
+use terrane_globe::{Blocks, Chart, Glance, Plan};
+
+/// Samples that are looked at at a time, about.
+const WINDOW: u32 = 1 << 20;
+
+/// What is to be looked at.
+pub(super) fn plan(chart: Chart, division: &Division) -> Plan {
+    let [meridians, parallels] = division.lines();
+    Plan::new(chart, [&meridians, &parallels])
+}
+
+/// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
+/// and a row of blocks.
+pub(super) fn worker_bytes(plan: &Plan) -> u64 {
+    /// Two points in a list that grows, and the place of the next of each.
+    const BLOCK: u64 = 2 * (2 * 12 + 4);
+    let Blocks { side, counts, .. } = plan.blocks;
+    let blocks = counts.map(u64::from).iter().product::<u64>();
+    let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
+    near::worker_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
+}
+
+/// Looks at rows of a grid; what is seen is handed on in order.
+pub(super) fn look(
+    opened: &Opened,
+    rows: [u32; 2],
+    at: At<'_>,
+    take: impl FnMut(Glance) -> Result<()> + Send,
+) -> Result<()> {
+    let (plan, width) = (&opened.look, opened.division.place.whole[0]);
+    let rects = rects(width, rows, plan.blocks.side, opened.grid.info().block);
+    at.progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
+    workers::in_order(
+        opened.shares.threads,
+        rects.len() as u64,
+        at.cancel,
+        Vec::new,
+        |heights: &mut Vec<f64>, i| {
+            let rect = rects[i as usize];
+            opened.read(rect, heights)?;
+            let glance = plan.look(rect, heights);
+            opened.grid.copied(rect);
+            at.progress.advance(rect.len() as u64);
+            Ok(glance)
+        },
+        take,
+    )?;
+    at.progress.end();
+    Ok(())
+}
+
+/// Bytes of all that is seen, as tasks write it.
+pub(super) fn written_bytes(opened: &Opened) -> u64 {
+    let plan = &opened.look;
+    let [width, height] = opened.division.place.whole;
+    let rects = rects(width, [0, height], plan.blocks.side, opened.grid.info().block);
+    rects.into_iter().map(|rect| plan.written_bytes(rect)).sum()
+}
+
+/// Windows of whole blocks, along those of the file.
+fn rects(width: u32, [first, end]: [u32; 2], side: u32, block: (u32, u32)) -> Vec<Rect> {
+    let whole = |samples: u32, most: u32| {
+        samples.max(1).next_multiple_of(side).min(most.next_multiple_of(side))
+    };
+    let rows = whole(block.1.min(1024), end - first).max(side);
+    let cols = whole(WINDOW / rows, width).max(side);
+    let starts = |from: u32, end: u32, step: u32| (from..end).step_by(step as usize);
+    let rect =
+        |(col, row): (u32, u32)| Rect::new(col, row, cols.min(width - col), rows.min(end - row));
+    starts(first, end, rows)
+        .flat_map(|row| starts(0, width, cols).map(move |col| (col, row)))
+        .map(rect)
+        .collect()
+}

@@ -1,0 +1,109 @@
+//! Tiles that are made of samples read once.
+
+use std::cell::RefCell;
+
+use super::division::REGION;
+use super::folder::Made;
+use super::mask::Mask;
+use super::spans::Known;
+use super::{APRON, Ground};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_engine::Cancel;
+use terrane_globe::{Bounds, Chart, Patch, TileId, build};
+
+thread_local! {
+    /// Room for the samples of a region, from one to the next.
+    static HEIGHTS: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
+fn most_samples(chart: &Chart) -> u64 {
+    let side = REGION as u64 + 2 * APRON as u64 + 4;
+    if chart.is_bent() { 2 * side * side } else { side * side }
+}
+
+/// Bytes that a worker takes: the samples of a region, and the points of a tile with what is kept of each.
+pub(super) fn worker_bytes(chart: &Chart) -> u64 {
+    let place = if chart.is_bent() { Patch::PLACE_BYTES } else { 0 };
+    most_samples(chart) * (8 + place) + (24 << 20)
+}
+
+/// Where tiles go, and what was made of a region so far.
+struct Descent<'a> {
+    patch: &'a Patch<'a>,
+    /// The water near the region.
+    water: Option<Mask>,
+    known: Known,
+    put: &'a mut dyn FnMut(Made) -> Result<()>,
+    cancel: &'a Cancel,
+}
+
+impl Ground<'_> {
+    /// Makes a region and all tiles that it is divided into, each after those in it.
+    pub(super) fn region(
+        &self,
+        id: TileId,
+        put: &mut dyn FnMut(Made) -> Result<()>,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let (opened, chart) = (self.opened, self.opened.look.chart());
+        let rect = self.rect(&id.bounds());
+        if rect.is_empty() {
+            return Ok(());
+        }
+        if rect.len() as u64 > most_samples(chart) {
+            return Err(Error::unsupported(
+                "has samples that are too near to each other for tiles",
+            )
+            .in_file(&opened.name())
+            .remedy("take a part of it, or a coarser grid"));
+        }
+        let mut heights = HEIGHTS.take();
+        opened.read(rect, &mut heights)?;
+        let fill = self.overview.voids();
+        let patch = Patch::new(&heights, rect, chart, fill).kept();
+        let water = opened.mask.as_ref().map(|mask| mask.near(id));
+        let mut descent = Descent { patch: &patch, water, known: Known::default(), put, cancel };
+        match id.level <= opened.division.last {
+            true => self.descend(id, &mut descent)?,
+            // All tiles are larger, and only have to know of it.
+            false if patch.holds_any(&id.bounds()) => (descent.put)(Made::nothing(id))?,
+            false => (),
+        }
+        opened.grid.copied(rect);
+        HEIGHTS.set(heights);
+        Ok(())
+    }
+
+    /// The samples in a rectangle, and some around it.
+    fn rect(&self, bounds: &Bounds) -> Rect {
+        let chart = self.opened.look.chart();
+        let ranges = chart.range(bounds);
+        let [cols, rows] = [0, 1].map(|axis: usize| {
+            let (whole, [low, high]) = (f64::from(chart.whole()[axis]), ranges[axis]);
+            let low = low.floor() - f64::from(APRON);
+            let high = high.ceil() + f64::from(APRON) + 1.0;
+            [low, high].map(|at| at.clamp(0.0, whole) as u32)
+        });
+        Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
+    }
+
+    fn descend(&self, id: TileId, to: &mut Descent<'_>) -> Result<()> {
+        to.cancel.check()?;
+        if !to.patch.holds_any(&id.bounds()) {
+            return Ok(());
+        }
+        to.known.insert(id);
+        if id.level < self.opened.division.last {
+            id.children().into_iter().try_for_each(|child| self.descend(child, to))?;
+        }
+        let water = to.water.as_ref().map(|water| water.pixels(id));
+        for (set, level) in self.of_level(id).enumerate() {
+            let tile = build(id, level, to.patch)?;
+            let beside = (&to.known, water.as_deref());
+            (to.put)(Made::new((set, &tile), self.opened, level, to.patch, beside)?)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,106 @@
+//! Where the samples of a grid are on the globe, and what is to be said of that.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::Result;
+use terrane_base::geom::Heights as From;
+use terrane_engine::Resources;
+use terrane_engine::globe::{Lift, OnGlobe};
+use terrane_globe::{Bounds, Chart};
+use terrane_raster::{GridInfo, Inputs};
+
+/// Of heights that the geoid was added to, so that they are counted from the ellipsoid.
+pub const WITH_GEOID: &str = "ellipsoid, with the geoid added";
+/// Of heights that are counted from the ellipsoid.
+pub const ON_ELLIPSOID: &str = "ellipsoid";
+/// Of heights that are taken as they are.
+pub const AS_GIVEN: &str = "as given";
+
+/// What the work on a grid is divided by.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Place {
+    /// Columns and rows.
+    pub(super) whole: [u32; 2],
+    /// Where the samples lie: west, south, east and north.
+    sides: [f64; 4],
+    /// Degrees between samples, along the finer axis.
+    pub(super) spacing: f64,
+}
+
+/// What the heights of a grid are, and what is to be said of them.
+#[derive(Clone, Debug)]
+pub(super) struct Heights {
+    pub(super) lift: Lift,
+    /// What they are counted from, as the set tells it.
+    pub(super) from: &'static str,
+    pub(super) notes: Vec<String>,
+}
+
+impl Place {
+    /// Of a grid that is on the globe.
+    pub(super) fn of(chart: &Chart) -> Self {
+        let Bounds { west, south, east, north } = chart.bounds();
+        Self { whole: chart.whole(), sides: [west, south, east, north], spacing: chart.spacing() }
+    }
+
+    /// Where the samples lie.
+    pub(super) fn bounds(&self) -> Bounds {
+        let [west, south, east, north] = self.sides;
+        Bounds { west, south, east, north }
+    }
+}
+
+/// Where the samples of a grid are on the globe, and what its heights are.
+///
+/// # Errors
+/// A grid whose place on the globe is not known, by what is missing.
+pub(super) fn of(
+    info: &GridInfo,
+    (input, geoid): (&Inputs, Option<&str>),
+    resources: &Resources,
+) -> Result<(Chart, Heights)> {
+    let found = chart(info);
+    let (chart, mut notes) = found.map_err(|error| match input.names() {
+        [name] => error.in_file(Path::new(name)),
+        _ => error,
+    })?;
+    let (lift, knows_unit) = Lift::of(&info.crs, geoid, resources)?;
+    if !knows_unit {
+        notes.push("the unit of heights is not known; they are taken for metres".to_owned());
+    }
+    let is_ellipsoidal = info.crs.heights() == From::Ellipsoidal;
+    let from = match (lift.has_geoid(), is_ellipsoidal) {
+        (true, _) => WITH_GEOID,
+        (false, true) => ON_ELLIPSOID,
+        (false, false) => AS_GIVEN,
+    };
+    notes.extend(match (lift.has_geoid(), is_ellipsoidal) {
+        (true, _) => Some("heights are brought from the geoid to the ellipsoid".to_owned()),
+        (false, true) => None,
+        (false, false) => Some(
+            "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
+             height of the geoid, up to 100 m: pass ‹geoid›"
+                .to_owned(),
+        ),
+    });
+    Ok((chart, Heights { lift, from, notes }))
+}
+
+fn chart(info: &GridInfo) -> Result<(Chart, Vec<String>)> {
+    let whole = [info.width, info.height];
+    let (place, notes) = OnGlobe::of(info)?;
+    let chart = match place {
+        OnGlobe::Straight(map) => Chart::straight(map, whole),
+        OnGlobe::Moved(map, operation) => {
+            let back = operation.inverse();
+            Chart::bent(
+                whole,
+                |[col, row]| operation.position(map.apply(col, row)),
+                |place| back.position(place).map(|[x, y]| map.invert(x, y)),
+            )?
+        }
+    };
+    Ok((chart, notes))
+}

@@ -1,0 +1,106 @@
+//! How many bytes tiles will take, from a few of them that are made and thrown away.
+
+use std::sync::Mutex;
+
+use super::folder::Made;
+use super::object::{ENTRY, FACTS};
+use super::{Ground, Opened};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_engine::Cancel;
+use terrane_engine::workers;
+use terrane_files::lock;
+use terrane_globe::TileId;
+
+/// Tiles that are made, with all that are in them.
+const PROBES: u64 = 16;
+/// Levels that they are below regions.
+const BELOW: u8 = 2;
+/// Rather too much than too little.
+const MARGIN: f64 = 1.1;
+/// Bytes of a tile that holds regions, about.
+const FAR: f64 = 8192.0;
+/// Bytes of a block of a disk, which files take whole.
+const DISK_BLOCK: u64 = 4096;
+
+/// Of tiles that were made: how many, their bytes in objects, and as files on disk.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    tiles: f64,
+    bytes: f64,
+    on_disk: f64,
+}
+
+impl Seen {
+    fn add(&mut self, made: &Made) {
+        let bytes = made.bytes.len() as u64;
+        let facts = if made.facts.is_some() { 8 * FACTS } else { 0 };
+        self.tiles += 1.0;
+        self.bytes += (bytes + (ENTRY + facts) as u64) as f64;
+        self.on_disk += bytes.next_multiple_of(DISK_BLOCK) as f64;
+    }
+}
+
+/// Bytes of all tiles in objects, and as files on disk.
+pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
+    let division = &opened.division;
+    let formats = opened.job.tiles.format.len() as f64;
+    if division.near > division.last {
+        let above = division.above(division.far_end()).len() as f64 * formats;
+        return Ok([above * FAR, above * FAR].map(|bytes| bytes as u64));
+    }
+    let level = division.near.saturating_add(BELOW).min(division.last);
+    let all = division.level(level);
+    let count = all.len().min(PROBES);
+    let tile = |i: u64| {
+        let at = (2 * i + 1) * all.len() / (2 * count);
+        all.part(at..at + 1)
+    };
+    let tiles: Vec<TileId> = (0..count).flat_map(tile).collect();
+    let mut gathered = opened.look.clone().gather();
+    let mut heights = Vec::new();
+    for id in &tiles {
+        let rect = blocks(opened, *id);
+        if !rect.is_empty() {
+            opened.read(rect, &mut heights)?;
+            gathered.add(gathered.plan().look(rect, &heights));
+        }
+    }
+    // What is void may be so by chance.
+    let Some(overview) = gathered.finish() else { return Ok([0; 2]) };
+    let ground = Ground::new(opened, &overview);
+    let seen = Mutex::new([Seen::default(); 2]);
+    let (threads, cancel) = (opened.shares.threads, Cancel::default());
+    let probe = |(): &mut (), i: u64| {
+        let mut put = |made: Made| {
+            let is_top = made.id.level == level;
+            lock(&seen)[usize::from(is_top)].add(&made);
+            Ok(())
+        };
+        ground.region(tiles[i as usize], &mut put, &cancel)
+    };
+    workers::run(threads, count, &cancel, || (), probe, Ok)?;
+    let [below, top] = seen.into_inner().unwrap_or_default();
+    let samples: u64 = tiles.iter().map(|id| division.samples(&id.bounds())).sum();
+    let [width, height] = division.place.whole.map(f64::from);
+    let share = width * height / samples.max(1) as f64;
+    // Those above are about as large as the largest that were made.
+    let above = division.above(level).len() as f64 * formats;
+    let above = above / top.tiles.max(1.0);
+    let whole =
+        |of: fn(&Seen) -> f64| ((of(&below) + of(&top)) * share + of(&top) * above) * MARGIN;
+    Ok([whole(|seen| seen.bytes), whole(|seen| seen.on_disk)].map(|bytes| bytes as u64))
+}
+
+/// The blocks that a tile's samples are in.
+fn blocks(opened: &Opened, id: TileId) -> Rect {
+    let (chart, side) = (opened.look.chart(), opened.look.blocks.side);
+    let ranges = chart.range(&id.bounds());
+    let [cols, rows] = [0, 1].map(|axis: usize| {
+        let (whole, [low, high]) = (chart.whole()[axis], ranges[axis]);
+        let low = low.floor().clamp(0.0, f64::from(whole)) as u32;
+        let high = (high.ceil() + 1.0).clamp(0.0, f64::from(whole)) as u32;
+        [low / side * side, high.next_multiple_of(side).min(whole)]
+    });
+    Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
+}

@@ -1,0 +1,341 @@
+//! The plan of tiles: what is asked for and what was found in the input, its tasks, and what one does.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::division::{Division, Sweep, Task};
+use super::folder::{Folder, Made as Tile};
+use super::object::{Writer, add_glances, add_known, each_tile};
+use super::place::Place;
+use super::report::{TilesReport, TilesRun, TilesStatus};
+use super::spans::Known;
+use super::{Ground, Opened, TilesJob, glance, is_missing, probe};
+use terrane_options::Choice;
+
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::limits;
+use terrane_engine::beside;
+use terrane_engine::figures::Figures;
+use terrane_engine::memory::{self, with_slack};
+use terrane_engine::plan::{
+    self, At, Form, Kind, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport,
+    Survey, Work,
+};
+use terrane_engine::workers;
+use terrane_globe::{Overview, TileId};
+
+/// Tiles of a task, unless told otherwise: regions of as many as have about 134 million samples.
+const CUT: u32 = 128;
+/// Most tiles of a task.
+const MOST_CUT: u32 = 1 << 16;
+/// Nanoseconds of one thread for a sample, to make its tiles and to write them, as measured on one machine; see
+/// benches/RESULTS.md.
+const SAMPLE: [f64; 2] = [650.0, 60.0];
+
+/// Tiles to make of a grid.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Tiles {
+    method: Method,
+    grid: PlannedGrid,
+}
+
+/// What is asked for.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Method {
+    #[serde(flatten)]
+    job: TilesJob,
+    /// Where the grid is on the globe.
+    place: Place,
+    /// The deepest level.
+    last: u8,
+    /// Tiles of a task.
+    cut: u32,
+}
+
+/// What an object tells.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Facts {
+    tiles: u64,
+}
+
+/// The input and the job, opened.
+pub(super) struct Ready {
+    opened: Opened,
+    /// Once all was looked at.
+    overview: OnceLock<Overview>,
+}
+
+impl Tiles {
+    /// Those of an opened job.
+    pub(super) fn new(opened: &Opened, cut: Option<u32>) -> Result<Self> {
+        let Division { place, last, .. } = opened.division.clone();
+        let job = TilesJob { input: beside::noted(&opened.job.input), ..opened.job.clone() };
+        let method = Method { job, place, last, cut: cut.unwrap_or(CUT) };
+        let tiles = Self { method, grid: PlannedGrid::of(opened.grid.info()) };
+        tiles.check().map(|()| tiles)
+    }
+
+    /// What the work takes.
+    pub(super) fn needs(&self, opened: &Opened) -> Result<Needs> {
+        let samples = self.grid.samples() as f64;
+        let [bytes, output] = probe::expect(opened)?;
+        let [shared, each] = opened.mask.as_ref().map_or([0; 2], |mask| mask.bytes(1));
+        let worker = glance::worker_bytes(&opened.look) + each;
+        let held = with_slack(opened.look.bytes() + shared) + worker;
+        Ok(Needs {
+            memory: memory::least(held, opened.grid.block_bytes()),
+            thread_memory: worker,
+            objects: glance::written_bytes(opened) + bytes,
+            output,
+            seconds: SAMPLE.map(|nanoseconds| samples * nanoseconds * 1e-9),
+        })
+    }
+
+    fn division(&self) -> Division {
+        Division::new(self.method.place.clone(), self.method.last)
+    }
+
+    /// Tasks of each kind.
+    fn counts(&self) -> [u32; 3] {
+        self.division().counts(self.method.cut)
+    }
+
+    /// The tiles of a task, of all that there may be.
+    fn part(&self, task: u32, all: &Sweep) -> Vec<TileId> {
+        let [task, cut] = [task, self.method.cut].map(u64::from);
+        all.part(task * cut..(task + 1) * cut)
+    }
+}
+
+impl Ready {
+    /// What was seen, of all objects that have it.
+    fn ground(&self, survey: &Survey<'_, Tiles>) -> Result<Ground<'_>> {
+        if self.overview.get().is_none() {
+            let mut gathered = self.opened.look.clone().gather();
+            for task in looks(survey.folder.plan.work.counts()) {
+                add_glances(&survey.object(task)?.0, &mut gathered)?;
+            }
+            let found = self.opened.seen(gathered)?;
+            let _is_first = self.overview.set(found);
+        }
+        let overview = self.overview.get();
+        let lost = || Error::new(ErrorKind::Internal, "what was seen is lost");
+        let overview = overview.ok_or_else(lost)?;
+        Ok(Ground::new(&self.opened, overview))
+    }
+
+    /// Writes tiles, made on all threads, to an object.
+    fn tiles(
+        &self,
+        (stage, object): (&str, &Path),
+        parts: &[TileId],
+        at: At<'_>,
+        make: impl Fn(&TileId) -> Result<Vec<Tile>> + Sync,
+    ) -> Result<u64> {
+        let mut writer = Writer::create(object)?;
+        at.progress.begin(stage, parts.len() as u64);
+        workers::in_order(
+            self.opened.shares.threads,
+            parts.len() as u64,
+            at.cancel,
+            || (),
+            |(), i| {
+                let made = make(&parts[i as usize])?;
+                at.progress.advance(1);
+                Ok(made)
+            },
+            |made| made.iter().try_for_each(|made| writer.tile(made)),
+        )?;
+        at.progress.end();
+        let count = writer.index()?;
+        writer.finish().map(|()| count)
+    }
+}
+
+fn looks([count, ..]: [u32; 3]) -> impl Iterator<Item = Task> {
+    (0..count).map(Task::Look)
+}
+
+fn nears([_, count, _]: [u32; 3]) -> impl Iterator<Item = Task> {
+    (0..count).map(Task::Near)
+}
+
+impl Work for Tiles {
+    const KIND: Kind = Kind::Tiles;
+    const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
+
+    type Task = Task;
+    type Facts = Facts;
+    type Run = TilesRun;
+    type Note = TilesReport;
+    type Status = TilesStatus;
+    type Opened = Ready;
+
+    fn check(&self) -> Result<()> {
+        let PlannedGrid { width, height, .. } = self.grid;
+        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
+        if !(1..=MOST_CUT).contains(&self.method.cut) {
+            return Err(Error::usage(format!("a task of {} tiles is none", self.method.cut))
+                .remedy(format!("choose 1 to {MOST_CUT}")));
+        }
+        let tasks = self.counts().into_iter().map(u64::from).sum();
+        limits::check("number of tasks", tasks, plan::MOST_TASKS)
+    }
+
+    fn tasks(&self) -> Vec<Task> {
+        let counts = self.counts();
+        let far = (0..counts[2]).map(Task::Far);
+        looks(counts).chain(nears(counts)).chain(far).collect()
+    }
+
+    fn before(&self, task: Task) -> Vec<Task> {
+        let counts = self.counts();
+        match task {
+            Task::Look(_) => Vec::new(),
+            Task::Near(_) => looks(counts).collect(),
+            Task::Far(_) => looks(counts).chain(nears(counts)).collect(),
+        }
+    }
+
+    fn size(&self, task: Named<Task>) -> u64 {
+        let division = self.division();
+        let width = u64::from(self.grid.width);
+        match task {
+            Named::Task(Task::Look(look)) => {
+                let [first, end] = division.rows(look);
+                u64::from(end - first) * width
+            }
+            Named::Task(Task::Near(near)) => {
+                let part = self.part(near, &division.regions());
+                part.iter().map(|id| division.samples(&id.bounds())).sum()
+            }
+            // Mostly blocks of samples are looked at.
+            Named::Task(Task::Far(far)) => {
+                self.part(far, &division.above(division.far_end())).len() as u64 * 4096
+            }
+            Named::Finish => self.grid.samples(),
+        }
+    }
+
+    fn tell(&self) -> StatusReport<TilesStatus> {
+        StatusReport {
+            format: self
+                .method
+                .job
+                .tiles
+                .format
+                .iter()
+                .map(|f| f.name())
+                .collect::<Vec<_>>()
+                .join(", "),
+            of: TilesStatus { max_level: self.method.last, samples: self.grid.samples() },
+            ..StatusReport::default()
+        }
+    }
+
+    fn output(&self, _: &Form) -> Result<PathBuf> {
+        Ok(PathBuf::from("tiles"))
+    }
+
+    fn open(plan: &Plan<Self>, order: Order) -> Result<Ready> {
+        let Order { output, overwrite, resources, .. } = order;
+        let Self { method, grid } = &plan.work;
+        let mut job = TilesJob { output, overwrite, resources, ..method.job.clone() };
+        job.tiles.max_level = Some(method.last);
+        job.input = job.input.called(plan.label.clone());
+        let opened = Opened::new(&job)?;
+        grid.check(plan, &*opened.grid, opened.files())?;
+        Ok(Ready { opened, overview: OnceLock::new() })
+    }
+
+    fn check_output(ready: &Ready, _: At<'_>) -> Result<()> {
+        Folder::create(&ready.opened.job).map(drop)
+    }
+
+    fn make(
+        ready: &Ready,
+        (task, object): (Task, &Path),
+        survey: &Survey<'_, Self>,
+        run: &mut TilesRun,
+        at: At<'_>,
+    ) -> Result<Made<Facts>> {
+        let (work, opened) = (&survey.folder.plan.work, &ready.opened);
+        let tiles = match task {
+            Task::Look(look) => {
+                let mut writer = Writer::create(object)?;
+                let mut bytes = Vec::new();
+                glance::look(opened, opened.division.rows(look), at, |glance| {
+                    bytes.clear();
+                    glance.write(&mut bytes);
+                    writer.put(&bytes)
+                })?;
+                writer.finish()?;
+                0
+            }
+            Task::Near(number) => {
+                let ground = ready.ground(survey)?;
+                let part = work.part(number, &opened.division.regions());
+                ready.tiles(("near levels", object), &part, at, |id| {
+                    let mut made = Vec::new();
+                    let mut put = |tile| {
+                        made.push(tile);
+                        Ok(())
+                    };
+                    ground.region(*id, &mut put, at.cancel).map(|()| made)
+                })?
+            }
+            Task::Far(number) => {
+                let ground = ready.ground(survey)?;
+                let mut there = Known::default();
+                for near in nears(work.counts()) {
+                    add_known(&survey.object(near)?.0, &mut there)?;
+                }
+                let mut known = there.clone();
+                known.add_above(opened.division.near);
+                let far_end = opened.division.far_end();
+                let mut part = work.part(number, &opened.division.above(far_end));
+                part.retain(|id| is_missing(*id, [&there, &known]));
+                ready.tiles(("far levels", object), &part, at, |id| {
+                    ground.far(*id, &known, at.cancel)
+                })?
+            }
+        };
+        run.made_tiles += tiles;
+        Ok(Made { facts: Facts { tiles }, digest: None, spilled: 0 })
+    }
+
+    fn write(
+        ready: &Ready,
+        survey: &Survey<'_, Self>,
+        run: &mut TilesRun,
+        at: At<'_>,
+    ) -> Result<TilesReport> {
+        let (started, opened) = (Instant::now(), &ready.opened);
+        let (ground, folder) = (ready.ground(survey)?, Folder::create(&opened.job)?);
+        let holds_tiles = |task: &&Task| !matches!(task, Task::Look(_));
+        let tasks: Vec<Task> = survey.done.keys().filter(holds_tiles).copied().collect();
+        at.progress.begin("write", survey.done.values().map(|done| done.facts.tiles).sum());
+        let write = |(): &mut (), i: u64| {
+            each_tile(&survey.object(tasks[i as usize])?.0, |made| {
+                at.cancel.check()?;
+                folder.put(&made)?;
+                at.progress.advance(1);
+                Ok(())
+            })
+        };
+        workers::run(opened.shares.threads, tasks.len() as u64, at.cancel, || (), write, Ok)?;
+        at.progress.end();
+        let made = folder.finish(&ground, at.cancel)?;
+        let figures = Figures::since(started, &opened.job.resources);
+        let report = TilesReport { run: figures.with_threads(opened.shares.threads), ..made };
+        run.tiles = Some(report.clone());
+        Ok(report)
+    }
+
+    fn written(note: TilesReport, output: &Path, run: &mut TilesRun) {
+        run.tiles = Some(TilesReport { output: output.display().to_string(), ..note });
+    }
+}

@@ -1,0 +1,241 @@
+//! Proof of a mesh of several bands: each channel by itself is a surface over the grid, whose heights are the
+//! band's values, and proved as every other mesh is; and so are the heights.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::report::{Place, VerifyReport};
+use super::{Asked, MeshProof, Proving, tolerance, verify};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Point3};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::bands::{Bands, Joined, label};
+use terrane_engine::memory::cache_beside;
+use terrane_engine::proof::Verdict;
+use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
+use terrane_raster::GridSource;
+
+/// Bands that a mesh is to be held to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AskedBands {
+    /// Numbers, from 1, in the order of the mesh's channels.
+    pub bands: Vec<u32>,
+    /// A weight for each; those that the mesh states where there are none, and 1 where it states none.
+    pub weights: Vec<f64>,
+    /// The band that heights are of; what the mesh states when `None`.
+    pub heights: Option<u32>,
+}
+
+/// What was found of a band.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct BandProof {
+    /// Its number, from 1.
+    pub band: u32,
+    /// What errors in it are multiplied by.
+    pub weight: f64,
+    /// The largest difference allowed: the tolerance divided by the weight.
+    pub tolerance: Option<f64>,
+    /// The largest difference found, not multiplied.
+    pub max_error: Option<f64>,
+    /// Where it is.
+    pub max_error_at: Option<Place>,
+    /// Root mean square of the differences.
+    pub rmse: Option<f64>,
+    /// Samples further off than allowed (decided exactly, closed <=).
+    pub over: u64,
+}
+
+/// A mesh and a job that names bands.
+pub(super) struct Proof<'a> {
+    pub(super) job: &'a Proving<'a, MeshProof>,
+    pub(super) mesh: &'a dyn MeshSource,
+    pub(super) stated: &'a Promises,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl Proof<'_> {
+    /// Proves every channel and the heights; returns the reference system of the grid, too.
+    pub(super) fn run(&self, asked: &AskedBands) -> Result<(VerifyReport, Crs)> {
+        let in_mesh = |e: Error| e.in_file(&self.job.written.file);
+        let heights = asked.heights.map(HeightBand::Band).or(self.stated.heights);
+        let bands = bands((self.mesh.info(), self.stated), asked).map_err(in_mesh)?;
+        let tolerance = self.job.options.tolerance().or(tolerance(self.stated));
+        let in_raster = |e: Error| e.in_file(Path::new(&self.job.written.original.to_string()));
+        let cache = cache_beside(self.job.options.resources.memory);
+        let options = self.job.options.grid.options(&self.job.options.resources, cache)?;
+        let joined = bands.open(&self.job.written.original, &options).map_err(in_raster)?;
+        let mut report = None;
+        match heights {
+            Some(HeightBand::Band(band)) => {
+                let place = bands.list().iter().position(|(number, _)| *number == band);
+                let place = place.unwrap_or_default();
+                let allowed = allowed(tolerance, bands.list()[place].1);
+                report = Some(self.surface(self.mesh, &*joined.band(place), allowed)?);
+            }
+            Some(HeightBand::None) => {
+                report = Some(self.surface(self.mesh, &*joined.flat(), Some(0.0))?)
+            }
+            None => {}
+        }
+        let (is_known, crs) = (report.is_some(), joined.band(0).info().crs.clone());
+        let report = self.channels(&bands, &joined, tolerance, report)?;
+        Ok((judged(report, tolerance, is_known), crs))
+    }
+
+    /// Proves the channels, and adds what is found to what is found of heights.
+    fn channels(
+        &self,
+        bands: &Bands,
+        joined: &Joined,
+        tolerance: Option<f64>,
+        heights: Option<VerifyReport>,
+    ) -> Result<VerifyReport> {
+        let mut whole = heights;
+        for (place, &(band, weight)) in bands.list().iter().enumerate() {
+            let allowed = allowed(tolerance, weight);
+            let channel = ChannelMesh::new(self.mesh, place);
+            let found = self.surface(&channel, &*joined.band(place), allowed)?;
+            let proof = BandProof {
+                band,
+                weight,
+                tolerance: allowed,
+                max_error: found.max_error,
+                max_error_at: found.max_error_at,
+                rmse: found.rmse,
+                over: found.over_tolerance.count,
+            };
+            let report = whole.get_or_insert_with(|| VerifyReport {
+                verdict: Verdict::default(),
+                over_tolerance: super::FaultReport::default(),
+                ..found.clone()
+            });
+            add(report, &found, proof);
+        }
+        whole.ok_or_else(|| Error::usage("no band to prove").remedy("name one with ‹bands›"))
+    }
+
+    fn surface(
+        &self,
+        mesh: &dyn MeshSource,
+        grid: &dyn GridSource,
+        tolerance: Option<f64>,
+    ) -> Result<VerifyReport> {
+        let asked = Asked { min_angle: self.job.options.min_angle, ..Asked::of_samples(tolerance) };
+        verify(mesh, grid, asked, &self.job.options.resources, self.progress, self.cancel)
+    }
+}
+
+/// What errors in a band of this weight may be.
+fn allowed(tolerance: Option<f64>, weight: f64) -> Option<f64> {
+    tolerance.map(|tolerance| (tolerance / weight).min(f64::MAX))
+}
+
+/// Adds what is found of a channel to what is found of others.
+fn add(report: &mut VerifyReport, found: &VerifyReport, proof: BandProof) {
+    // What is wrong with the triangles is found of every channel alike.
+    let known = &report.verdict.failures;
+    let new = found.verdict.failures.iter().filter(|failure| !known.contains(failure));
+    let told: Vec<String> = new.map(|failure| format!("band {}: {failure}", proof.band)).collect();
+    report.verdict.failures.extend(told);
+    report.over_tolerance.count += found.over_tolerance.count;
+    report.over_tolerance.first = report.over_tolerance.first.or(found.over_tolerance.first);
+    report.run.spilled_bytes = report.run.spilled_bytes.max(found.run.spilled_bytes);
+    report.of.bands.push(proof);
+}
+
+/// The verdict of all, with the largest weighted error.
+fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> VerifyReport {
+    let weighted = |proof: &BandProof| proof.max_error.map(|error| error * proof.weight);
+    let worst = report.of.bands.iter().filter_map(|proof| Some((weighted(proof)?, proof)));
+    let worst = worst.reduce(|a, b| if b.0 > a.0 { b } else { a });
+    let (max_error, max_error_at) =
+        worst.map_or((None, None), |(error, proof)| (Some(error), proof.max_error_at));
+    let mut not_judged = Vec::new();
+    not_judged.extend(tolerance.is_none().then(|| super::NO_BOUND.to_owned()));
+    not_judged.extend((!heights_known).then(|| "its heights (‹band›)".to_owned()));
+    let verdict = Verdict::of(report.verdict.failures.clone(), not_judged);
+    let of = super::OfGrid { surface_error: None, surface_error_at: None, breaks: 0, ..report.of };
+    VerifyReport {
+        of,
+        verdict,
+        tolerance,
+        max_error,
+        max_error_at,
+        rmse: None,
+        mean_error: None,
+        error_histogram: Vec::new(),
+        ..report
+    }
+}
+
+/// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
+fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<Bands> {
+    let label = label(&asked.bands);
+    if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != asked.bands) {
+        let others = self::label(others);
+        let message = format!("the mesh states that it was made of bands {others}, not {label}");
+        return Err(Error::usage(message).remedy(format!("pass ‹bands› {others}")));
+    }
+    let weights = match asked.weights.is_empty() {
+        true => stated.weights.clone().unwrap_or_default(),
+        false => asked.weights.clone(),
+    };
+    let bands = Bands::new(&asked.bands, &weights, asked.heights)?;
+    let names = info.channels.iter().map(String::as_str);
+    let expected = bands.list().iter().map(|(band, _)| format!("band_{band}"));
+    let is_colour = mesh::is_colour(names) && info.channels.len() == bands.list().len();
+    if is_colour || info.channels.iter().cloned().eq(expected) {
+        return Ok(bands);
+    }
+    let has = match info.channels.as_slice() {
+        [] => "no channels at its vertices".to_owned(),
+        names => format!("the channels {}", names.join(", ")),
+    };
+    Err(Error::usage(format!("the mesh has {has}, which are not bands {label}"))
+        .remedy("leave ‹bands› out, or name the bands that it was made of"))
+}
+
+/// What is told of a mesh that states bands, where none were named: it is judged without them.
+pub(super) fn not_judged(label: &str) -> String {
+    format!("how its channels keep to bands {label} (‹bands›)")
+}
+
+/// A channel of a mesh as its heights.
+struct ChannelMesh<'a> {
+    mesh: &'a dyn MeshSource,
+    place: usize,
+    info: MeshInfo,
+}
+
+impl<'a> ChannelMesh<'a> {
+    fn new(mesh: &'a dyn MeshSource, place: usize) -> Self {
+        let mut info = mesh.info().clone();
+        // Values are stored as they are, wherever positions lie.
+        (info.origin[2], info.scale[2]) = (0.0, 1.0);
+        Self { mesh, place, info }
+    }
+}
+
+impl MeshSource for ChannelMesh<'_> {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        self.mesh.read_vertices(first, out)?;
+        let channels = self.info.channels.len();
+        let mut values = vec![0.0; out.len() * channels];
+        self.mesh.read_channels(first, &mut values)?;
+        for (point, values) in out.iter_mut().zip(values.chunks_exact(channels)) {
+            point[2] = values[self.place];
+        }
+        Ok(())
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        self.mesh.read_triangles(first, out)
+    }
+}

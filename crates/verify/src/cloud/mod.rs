@@ -1,0 +1,183 @@
+//! Proves a written mesh against the cloud it was made from.
+//!
+//! Four passes: points, vertices and triangles are spread over rectangles of the plane; then each
+//! rectangle is checked by itself ([`terrane_proof::cloud`]).
+//!
+//! Vertices are mapped back to whole steps as far as the rounding of their storage explains it, and every
+//! point is judged in `i128`. The outline and the area of the mesh must be those of the convex hull,
+//! which is gathered anew while the points are read.
+
+mod kept;
+mod parts;
+mod points;
+mod report;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+use std::time::Instant;
+
+use super::header::{Header, judge_bounds};
+use super::options::{CloudMeshProof, Proving};
+use super::{Work, is_delaunay, leave_files, open_mesh, stated, tolerance};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point;
+use terrane_cloud::{self as cloud, PointSource};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::kept::Features;
+use terrane_engine::memory::with_polygons;
+use terrane_engine::on_cloud::OnCloud;
+use terrane_mesh::{MeshSource, Promises};
+use terrane_proof::cloud::{Bound, Placer};
+
+pub use report::{CloudVerifyReport, OfCloud};
+
+/// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
+/// no error, but a report with `passed` false.
+///
+/// # Errors
+/// As [`prove_cloud`], and whatever the files report.
+pub(super) fn verify_cloud(
+    job: &Proving<'_, CloudMeshProof>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudVerifyReport> {
+    let mesh = open_mesh(&job.written.file)?;
+    let options = [("max error", "‹max_error›", job.options.tolerance().is_some())];
+    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.written.file))?;
+    let opening = job.options.cloud.options(&job.options.resources)?;
+    let source = cloud::source(job.written.original.names(), &opening)?;
+    let tolerance = job.options.tolerance().or(tolerance(&stated));
+    let [points, lines] =
+        [&job.options.constraints.keep_points, &job.options.constraints.breaklines]
+            .map(Option::as_deref);
+    let features = Features::read_for_cloud(points, lines, &job.options.resources)?;
+    let cloud = job.written.original.names().join(" ");
+    surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
+    let asked = (tolerance, features);
+    let proved = with_polygons(&opening, &job.options.resources, |resources| {
+        prove_cloud(&*mesh, &*source, asked, &resources, progress, cancel)
+    });
+    let mut report = proved.map_err(|e| match e.kind() {
+        ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.written.file),
+        _ => e,
+    })?;
+    let crs = &source.info().crs;
+    let header = Header {
+        mesh: &job.written.file,
+        info: mesh.info(),
+        stated: &stated,
+        crs,
+        original: "cloud",
+    };
+    report.run.memory_budget = job.options.resources.memory;
+    header.judge(&mut report.verdict)?;
+    judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
+    for (key, text) in stated.statements().filter(|(key, _)| !OF_CLOUDS.contains(key)) {
+        report.verdict.leave(format!("the statement \"{key} {text}\", as no cloud keeps it"));
+    }
+    let given = [
+        job.options.constraints.keep_points.is_some(),
+        job.options.constraints.breaklines.is_some(),
+    ];
+    leave_files(&stated, given, &mut report.verdict);
+    let mesh = job.written.file.display().to_string();
+    Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
+}
+
+/// What begins statements that are judged beside a cloud, or promise nothing.
+const OF_CLOUDS: [&str; 6] =
+    ["crs", "source", "max error", "triangulation", "keep points", "breaklines"];
+
+/// Proves `mesh` against the points of `source`, and that it keeps what it has to of files; what the two hold themselves is not part of the
+/// memory budget, of which this takes about half.
+///
+/// # Errors
+/// A tolerance that is no number, points without a surface, a triangle that refers to a vertex there
+/// is not, too little memory, and everything the sources report.
+pub fn prove_cloud(
+    mesh: &dyn MeshSource,
+    source: &dyn PointSource,
+    (tolerance, features): (Option<f64>, Features),
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudVerifyReport> {
+    let start = Instant::now();
+    let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
+    let mut context = Context::new(work, source, tolerance, features)?;
+    let layout = parts::layout(&context)?;
+    let points = points::SpreadPoints::fill(&context, layout)?;
+    let hull = points.hull.as_ref().ok_or_else(no_surface)?;
+    let kept = kept::KeptOn::new(&context, &points, hull, layout)?;
+    context.work.set_aside(kept.bytes());
+    let spread = super::spread::Spread::fill(&context.work, &context.placer, layout)?;
+    let (tally, again) = parts::check(&context, &points, hull, &spread, &kept)?;
+    let mut report = report::report(&context, &points, hull, &spread, &kept, &tally)?;
+    let spilled = points.bytes() + spread.bytes() + again;
+    report.run = context.work.figures(start, resources, spilled);
+    report.of.points_per_second = report.run.rate(report.of.points.read);
+    Ok(report)
+}
+
+/// What every pass over a cloud needs to know.
+struct Context<'a> {
+    work: Work<'a>,
+    source: &'a dyn PointSource,
+    /// Lowest and highest coordinates of all points.
+    bounds: [Point; 2],
+    placer: Placer,
+    tolerance: Option<f64>,
+    bound: Option<Bound>,
+    kept: OnCloud,
+    /// What the mesh states.
+    stated: Promises,
+    /// It states no triangulation that is not Delaunay.
+    is_delaunay: bool,
+    /// The mesh has posts on lines that are not given.
+    has_posts: bool,
+}
+
+impl<'a> Context<'a> {
+    fn new(
+        mut work: Work<'a>,
+        source: &'a dyn PointSource,
+        tolerance: Option<f64>,
+        features: Features,
+    ) -> Result<Self> {
+        let bounds = surface_bounds(source)?;
+        let kept = features.on_cloud(source.info(), bounds)?;
+        work.set_aside(kept.bytes());
+        let stated = work.mesh.info().promises()?;
+        let is_delaunay = is_delaunay(&stated)?;
+        let has_posts = !kept.has_lines() && stated.breaklines.is_some();
+        let (frame, mesh) = (source.info().frame, work.mesh.info());
+        let reach = kept.and_heights(bounds);
+        let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
+        let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
+        Ok(Self {
+            work,
+            source,
+            bounds,
+            placer,
+            tolerance,
+            bound,
+            kept,
+            stated,
+            is_delaunay,
+            has_posts,
+        })
+    }
+}
+
+/// The bounds of a cloud that may have a surface.
+fn surface_bounds(source: &dyn PointSource) -> Result<[Point; 2]> {
+    source.info().bounds.ok_or_else(no_surface)
+}
+
+fn no_surface() -> Error {
+    Error::bad_input("the points have no surface: fewer than three, or all on a line")
+        .remedy("look at the filters, or at the files with `terrane info`")
+}

@@ -1,0 +1,197 @@
+//! The domains of a cloud and its mesh, one after the other; those too crowded are spread again.
+//!
+//! Domains are squares of the plane. One that is too crowded for a thread is spread over sixteen pieces
+//! through another temporary file, as often as it takes.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::Context;
+use super::kept::KeptOn;
+use super::points::{SpreadPoints, position};
+use crate::parts::MOST_TRIANGLES;
+use crate::spread::Spread;
+use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Point, Rect};
+use terrane_engine::workers;
+use terrane_files::{Buckets, lock};
+use terrane_proof::cloud::{self, Hull, Part, Track};
+use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
+
+/// Divides the lattice so that a domain of average density takes half of a thread's memory at most.
+pub(super) fn layout(context: &Context<'_>) -> Result<Layout> {
+    let [low, high] = context.bounds;
+    let side = |low: i32, high: i32| high.abs_diff(low).saturating_add(1);
+    let grid = [side(low.x, high.x), side(low.y, high.y)];
+    if grid.iter().any(|&side| side > 1 << 30) {
+        return Err(Error::bad_input("the cloud is larger than its frame can hold"));
+    }
+    Ok(divide(grid, wanted(context)))
+}
+
+/// How many domains are wanted.
+fn wanted(context: &Context<'_>) -> u64 {
+    let (work, mesh) = (&context.work, context.work.mesh.info());
+    let points = context.source.info().count.max(1);
+    let triangles = mesh.triangles.saturating_mul(3) / 2;
+    let need = cloud::bytes_needed(points, triangles, mesh.vertices);
+    let crowds = points.max(mesh.triangles) / CROWD;
+    let wanted = crowds.max(need / (work.share / 2)).max(SHARES * work.threads as u64);
+    // Each time a writer is full, it leaves a run in every domain at worst.
+    let flushes = points / (work.share / 2 / 40).max(1) + 1;
+    let indexed = work.share / 8 / RUN_BYTES / flushes;
+    wanted.min(indexed).clamp(1, MOST)
+}
+
+/// Checks every domain. Returns the bytes that were spread again, too.
+pub(super) fn check(
+    context: &Context<'_>,
+    points: &SpreadPoints,
+    hull: &Hull,
+    spread: &Spread,
+    kept: &KeptOn,
+) -> Result<(Tally, u64)> {
+    let (work, layout) = (&context.work, spread.layout);
+    let all = Mutex::new(Tally::default());
+    let checker = Checker { context, hull, crowded: Mutex::new(()), spilled: AtomicU64::new(0) };
+    let piles = Piles {
+        points: &points.points,
+        triangles: &spread.triangles,
+        positions: spread.positions.as_ref(),
+    };
+    work.progress.begin("prove", points.census.kept);
+    let judge = |tally: &mut Tally, index| {
+        let (kept, lines) = kept.of(index);
+        let held = (&kept[..], &lines[..]);
+        checker.check(&piles, held, index as usize, layout.domain(index), tally)?;
+        work.progress.advance(piles.points.len(index as usize));
+        Ok(())
+    };
+    let finish = |tally: Tally| {
+        lock(&all).merge(&tally);
+        Ok(())
+    };
+    workers::run(work.threads, layout.len(), &work.cancel, Tally::default, judge, finish)?;
+    work.progress.end();
+    let tally = lock(&all).clone();
+    Ok((tally, checker.spilled.into_inner()))
+}
+
+/// Records of several domains, by the number of the domain.
+#[derive(Clone, Copy)]
+struct Piles<'a> {
+    points: &'a Buckets<Point>,
+    triangles: &'a Buckets<Triangle>,
+    positions: Option<&'a Buckets<Position>>,
+}
+
+impl Piles<'_> {
+    /// Points, triangles and vertices of a domain.
+    fn counts(&self, domain: usize) -> [u64; 3] {
+        let positions = self.positions.map_or(0, |positions| positions.len(domain));
+        [self.points.len(domain), self.triangles.len(domain), positions]
+    }
+}
+
+struct Checker<'a> {
+    context: &'a Context<'a>,
+    hull: &'a Hull,
+    /// Held while a domain that cannot be split takes more than a thread's share.
+    crowded: Mutex<()>,
+    /// Bytes that were spread again.
+    spilled: AtomicU64,
+}
+
+impl Checker<'_> {
+    fn check(
+        &self,
+        piles: &Piles<'_>,
+        held: (&[Point], &[Track]),
+        number: usize,
+        domain: Domain,
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let work = &self.context.work;
+        work.cancel.check()?;
+        let [points, triangles, positions] = piles.counts(number);
+        let need = cloud::bytes_needed(points, triangles, positions);
+        if need <= work.share && triangles <= MOST_TRIANGLES {
+            return self.check_whole(piles, held, number, domain, tally);
+        }
+        let pieces = pieces(domain);
+        if pieces.len() > 1 {
+            return self.check_pieces(piles, held, number, &pieces, tally);
+        }
+        if need > work.memory || triangles > MOST_TRIANGLES {
+            return Err(self.too_crowded(domain, points, triangles, need));
+        }
+        let _alone = lock(&self.crowded);
+        self.check_whole(piles, held, number, domain, tally)
+    }
+
+    /// Spreads what a domain has over pieces of it, and checks those.
+    fn check_pieces(
+        &self,
+        piles: &Piles<'_>,
+        held: (&[Point], &[Track]),
+        number: usize,
+        pieces: &[Domain],
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let work = &self.context.work;
+        let is_there = |piece: &Domain, &point: &Point| piece.owns(position(point));
+        let points = respread(work, piles.points, number, pieces, is_there)?;
+        let triangles = respread(work, piles.triangles, number, pieces, Domain::may_touch)?;
+        let positions = piles.positions.map(|positions| {
+            respread(work, positions, number, pieces, |piece, &at: &Position| piece.owns(at))
+        });
+        let positions = positions.transpose()?;
+        let positions = positions.as_ref();
+        let again = Piles { points: &points, triangles: &triangles, positions };
+        let bytes = points.spilled() + triangles.spilled() + positions.map_or(0, Buckets::spilled);
+        self.spilled.fetch_add(bytes, Ordering::Relaxed);
+        (0..).zip(pieces).try_for_each(|(number, &piece)| {
+            let is_kept = |point: &&Point| piece.owns(position(**point));
+            let kept: Vec<Point> = held.0.iter().filter(is_kept).copied().collect();
+            let lines: Vec<Track> =
+                held.1.iter().filter(|line| line.is_in(&piece)).copied().collect();
+            self.check(&again, (&kept, &lines), number, piece, tally)
+        })
+    }
+
+    fn check_whole(
+        &self,
+        piles: &Piles<'_>,
+        held: (&[Point], &[Track]),
+        number: usize,
+        domain: Domain,
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let mut points = load(piles.points, number)?;
+        points.sort_unstable_by_key(cloud::order);
+        let triangles = load(piles.triangles, number)?;
+        let mut vertices = piles.positions.map(|positions| load(positions, number)).transpose()?;
+        vertices.iter_mut().for_each(|vertices| vertices.sort_unstable());
+        let part = Part {
+            domain,
+            points: &points,
+            triangles: &triangles,
+            vertices: vertices.as_deref(),
+            hull: self.hull,
+            bound: self.context.bound,
+            kept: held.0,
+            lines: held.1,
+        };
+        cloud::check(&part, tally);
+        Ok(())
+    }
+
+    fn too_crowded(&self, domain: Domain, points: u64, triangles: u64, need: u64) -> Error {
+        let Rect { col, row, .. } = domain.rect;
+        let at = Position::sample(i64::from(col), i64::from(row));
+        let [x, y] = self.context.placer.world(at);
+        let what = format!("{points} points and {triangles} triangles share a place");
+        self.context.work.short(&what, need).at(format!("x {x}, y {y}"))
+    }
+}

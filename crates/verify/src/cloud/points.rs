@@ -1,0 +1,85 @@
+//! The points of a cloud spread over the domains of a layout through a temporary file.
+
+use std::sync::Mutex;
+
+use super::Context;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point;
+use terrane_cloud::Census;
+use terrane_engine::FileAt;
+use terrane_engine::workers;
+use terrane_files::{Buckets, Writer, lock};
+use terrane_proof::cloud::{Hull, Wrap};
+use terrane_proof::{Layout, Position};
+
+/// All points, by the domain that owns them, and what is known of them together.
+pub(super) struct SpreadPoints {
+    /// Points with x and y counted from the lowest.
+    pub(super) points: Buckets<Point>,
+    pub(super) census: Census,
+    /// `None` when the points have no surface.
+    pub(super) hull: Option<Hull>,
+}
+
+/// What one thread found.
+#[derive(Default)]
+struct Found {
+    census: Census,
+    wrap: Wrap,
+}
+
+impl SpreadPoints {
+    /// Reads the cloud once.
+    pub(super) fn fill(context: &Context<'_>, layout: Layout) -> Result<Self> {
+        let (work, source) = (&context.work, context.source);
+        let points = work.buckets(layout, work.memory / 2);
+        let all = Mutex::new(Found::default());
+        work.progress.begin("points", source.info().count);
+        let start = || (Found::default(), points.writer());
+        let read = |(found, writer): &mut (Found, Writer<'_, Point>), part: u64| {
+            FileAt::tell(work.progress, source, part as usize);
+            let census = source.read(part as usize, &mut |batch| {
+                batch.iter().try_for_each(|&point| {
+                    let point = place(point, context.bounds)?;
+                    found.wrap.add([point.x, point.y]);
+                    writer.push(layout.owner(position(point)) as usize, point)
+                })
+            })?;
+            found.census.add(&census);
+            work.progress.advance(census.read);
+            Ok(())
+        };
+        let finish = |(found, writer): (Found, Writer<'_, Point>)| {
+            let mut all = lock(&all);
+            all.census.add(&found.census);
+            all.wrap.merge(found.wrap);
+            writer.finish()
+        };
+        let parts = source.parts() as u64;
+        workers::run(work.threads, parts, &work.cancel, start, read, finish)?;
+        points.settle()?;
+        work.progress.end();
+        let Found { census, wrap } = std::mem::take(&mut *lock(&all));
+        Ok(Self { points, census, hull: wrap.finish() })
+    }
+
+    /// Bytes spilled.
+    pub(super) fn bytes(&self) -> u64 {
+        self.points.spilled()
+    }
+}
+
+/// A point with x and y counted from the lowest. Fails outside the bounds that the cloud states.
+fn place(point: Point, [low, high]: [Point; 2]) -> Result<Point> {
+    let is_inside = low.x <= point.x && point.x <= high.x && low.y <= point.y && point.y <= high.y;
+    if !is_inside {
+        let message = "a point lies outside the bounds that its cloud states";
+        return Err(Error::new(ErrorKind::Internal, message));
+    }
+    Ok(Point::new(point.x - low.x, point.y - low.y, point.z))
+}
+
+/// Where a placed point is on the lattice.
+pub(super) fn position(point: Point) -> Position {
+    Position::sample(i64::from(point.x), i64::from(point.y))
+}

@@ -1,0 +1,203 @@
+//! The header of a mesh beside what the mesh is held against: reference systems, units, and comments that
+//! nothing here knows.
+
+use std::path::Path;
+
+use terrane_base::error::Result;
+use terrane_base::geom::{Crs, metres_in, wkt};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::input::mesh_bounds;
+use terrane_engine::proof::Verdict;
+use terrane_mesh::{MaxError, MeshInfo, MeshSource, Promises, plain};
+
+/// A header to be judged.
+pub(super) struct Header<'a> {
+    /// The file, beside which a `.prj` may lie.
+    pub(super) mesh: &'a Path,
+    pub(super) info: &'a MeshInfo,
+    pub(super) stated: &'a Promises,
+    /// The system of the original.
+    pub(super) crs: &'a Crs,
+    /// What the original is: "grid" or "cloud".
+    pub(super) original: &'static str,
+}
+
+/// Fails a mesh of terrane's own whose vertices do not fill the box that its file states, and that viewers believe.
+///
+/// # Errors
+/// As [`mesh_bounds`].
+pub(super) fn judge_bounds(
+    mesh: &dyn MeshSource,
+    verdict: &mut Verdict,
+    (progress, cancel): (&dyn Progress, &Cancel),
+) -> Result<()> {
+    let stated = mesh.stated_bounds().filter(|_| mesh.info().is_own());
+    let Some(stated) = stated else { return Ok(()) };
+    match mesh_bounds(mesh, progress, cancel)? {
+        Some(found) if found != stated => verdict.fail(format!(
+            "the mesh states that it lies from {:?} to {:?}, and it lies from {:?} to {:?}",
+            stated[0], stated[1], found[0], found[1]
+        )),
+        _ => {}
+    }
+    Ok(())
+}
+
+impl Header<'_> {
+    /// Adds what is wrong, and what could not be judged, to a verdict.
+    ///
+    /// # Errors
+    /// A `.prj` that cannot be read.
+    pub(super) fn judge(&self, verdict: &mut Verdict) -> Result<()> {
+        self.systems(verdict)?;
+        self.unit_of_error(verdict);
+        self.unit_of_file(verdict);
+        if self.info.is_own() {
+            for line in &self.stated.unknown {
+                verdict.leave(format!("the statement \"{line}\", which is not known"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Judges every name of a reference system, in the file and beside it.
+    fn systems(&self, verdict: &mut Verdict) -> Result<()> {
+        let beside = terrane_files::prj(self.mesh)?;
+        let own = self.info.crs.iter().chain(&self.info.systems).map(|text| ("the mesh", text));
+        let beside = Some(&beside).filter(|text| !text.is_empty());
+        let named: Vec<_> = own.chain(beside.map(|text| ("the .prj beside it", text))).collect();
+        for (place, text) in &named {
+            self.system(place, text, verdict);
+        }
+        let is_defined = named.iter().any(|(_, text)| system(text).is_some());
+        if !named.is_empty() && !is_defined && self.crs.to_wkt().is_some() {
+            let name = self.crs.label();
+            verdict.leave(format!("its CRS beyond its name, {name}: no .prj beside it defines it"));
+        }
+        if named.is_empty() && self.info.is_own() && self.crs.is_named() {
+            let ours = self.crs.label();
+            verdict.leave(match self.info.names_crs() {
+                true => format!("its CRS: it names none, and that of the {} is {ours}", self.original),
+                false => format!(
+                    "its CRS: {} has no place for one, no .prj lies beside it, and that of the {} is {ours}",
+                    self.info.format, self.original
+                ),
+            });
+        }
+        Ok(())
+    }
+
+    fn system(&self, place: &str, text: &str, verdict: &mut Verdict) {
+        let (known, original) = (system(text), self.original);
+        match known.as_ref().map_or_else(|| self.is_called(text), |crs| self.is(crs, text)) {
+            Some(true) => {}
+            Some(false) => {
+                let [ours, theirs] = self.crs.told_apart(&known.unwrap_or_default());
+                verdict.fail(format!(
+                    "{place} names the CRS {theirs}, and that of the {original} is {ours}"
+                ));
+            }
+            None => {
+                let ours = match self.crs.is_named() {
+                    true => format!("is that of the {original}, {}", self.crs.label()),
+                    false => format!("is its own, as the {original} names none"),
+                };
+                let theirs = known.map_or_else(|| text.to_owned(), |crs| crs.label());
+                verdict.leave(format!("whether the CRS that {place} names, {theirs}, {ours}"));
+            }
+        }
+    }
+
+    /// Whether a system is that of the original; `None` where that cannot be told, or not of its heights.
+    fn is(&self, crs: &Crs, text: &str) -> Option<bool> {
+        if !self.crs.is_named() {
+            return None;
+        }
+        if !self.crs.agrees(crs) {
+            return self.crs.is_surely_another(crs).then_some(false);
+        }
+        let is_label = text == plain(&self.crs.label());
+        let is_as_high = crs.vertical_epsg.is_some() == self.crs.vertical_epsg.is_some();
+        let is_lost = self.crs.lost_in_wkt().is_some();
+        // A code alone says nothing of heights, as that of a LandXML file.
+        let is_code = !text.contains(['(', '[', '+']);
+        (is_code || is_label || self.crs.is_said_by(text) || is_as_high || is_lost).then_some(true)
+    }
+
+    /// Whether a name that stands for nothing here is the one of the original: no proof that it is another.
+    fn is_called(&self, name: &str) -> Option<bool> {
+        (name == plain(&self.crs.label())).then_some(true)
+    }
+
+    /// Judges the unit behind the tolerance; a tolerance of several bands has none.
+    fn unit_of_error(&self, verdict: &mut Verdict) {
+        let Some(MaxError { unit, .. }) = &self.stated.max_error else { return };
+        match (unit.as_deref(), self.crs.heights_unit()) {
+            (Some(theirs), Some(ours)) if !is_same(theirs, ours) => verdict.fail(format!(
+                "the mesh states its largest error in {theirs}, and heights of the {} are in {ours}",
+                self.original
+            )),
+            // Heights without a unit are usually in that of x and y.
+            (Some(theirs), None) if !is_same(theirs, self.usual_unit()) => verdict.leave(format!(
+                "whether its largest error is in {theirs}, as the {} names no unit of heights",
+                self.original
+            )),
+            (None, Some(ours)) if self.has_room_for_units() => verdict.leave(format!(
+                "the unit of its largest error: it states none, and heights of the {} are in {ours}",
+                self.original
+            )),
+            _ => {}
+        }
+    }
+
+    fn usual_unit(&self) -> &'static str {
+        Some(self.crs.horizontal_unit()).filter(|name| metres_in(name).is_some()).unwrap_or("metre")
+    }
+
+    /// True for a mesh of terrane's own that may state a unit beside its tolerance.
+    fn has_room_for_units(&self) -> bool {
+        self.info.is_own() && self.info.names_crs() && self.stated.bands.is_none()
+    }
+
+    /// Judges the unit that the format itself states. What is stored in a scale of its own is a print, or degrees
+    /// in metres: that is told, and promises nothing.
+    fn unit_of_file(&self, verdict: &mut Verdict) {
+        let unit = self.info.details.iter().find(|(key, _)| key == "unit");
+        let Some((_, unit)) = unit.filter(|_| self.info.is_own()) else { return };
+        let ours = self.crs.horizontal_metres().unwrap_or(1.0);
+        match metres_in(unit) {
+            _ if unit == "millimeter" => {}
+            Some(theirs) if self.info.scale != [1.0; 3] && theirs == 1.0 => {}
+            Some(theirs) if self.info.scale == [1.0; 3] && near(theirs, ours) => {}
+            Some(theirs) => verdict.fail(format!(
+                "the mesh states that its unit is {unit} ({theirs} m), and that of the {} is {ours} m",
+                self.original
+            )),
+            None => verdict.leave(format!("whether its unit is {unit}, which is not known")),
+        }
+    }
+}
+
+/// The system that a text names: by a code, which a name may follow in brackets, or by well-known text.
+fn system(text: &str) -> Option<Crs> {
+    let code = text.split_once(" (").map_or(text, |(code, _)| code);
+    let is_code = code.split_once(':').is_some_and(|(name, _)| name.eq_ignore_ascii_case("EPSG"));
+    let known = match is_code {
+        true => wkt::of_srs(code),
+        false if text.contains('[') => wkt::of_srs(text),
+        false => return None,
+    };
+    (known.epsg.is_some() || known.wkt.is_some()).then_some(known)
+}
+
+fn is_same(a: &str, b: &str) -> bool {
+    match (metres_in(a), metres_in(b)) {
+        (Some(a), Some(b)) => near(a, b),
+        _ => a == b,
+    }
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a / b - 1.0).abs() < 1e-9
+}

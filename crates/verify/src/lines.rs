@@ -1,0 +1,362 @@
+//! Proves simplified lines against the file they were made from.
+//!
+//! Both files are read side by side, feature by feature. What has to be looked at together is held
+//! while memory lasts; then only what lies to the west of a line is, and the files are read again for
+//! the rest. No figure depends on where that line was.
+//!
+//! What a feature leaves for looking at together are its *pieces*, stretches of the original each with
+//! the segment in its place (17 bytes a vertex). They are judged in bands of x, on all threads. When they
+//! outgrow their share of the memory, only those west of their median are kept and the files are read
+//! again for the rest: no temporary file.
+//!
+//! Formats may sort features and turn rings: a ring is matched forward and backward, vertex by vertex,
+//! and where it comes to its vertices repeatedly and both will do, whichever keeps the sign of its area
+//! counts; features that are not in the order of the original are held, and paired by vertices and
+//! properties, then by vertices, then by properties, so that exchanged geometries are found. A part that
+//! is gone is a failure, unless dropping was declared and a segment between two of its vertices has all
+//! others within the tolerance: that is what is left of a ring that collapses. Properties are compared as
+//! the format can say them; what it cannot say is named, never passed over.
+
+mod attributes;
+mod findings;
+mod own;
+mod pairs;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use self::findings::Findings;
+use self::pairs::{Compared, Pairs};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::plane::Xy;
+use terrane_base::geom::{Crs, wkt};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::figures::Figures;
+use terrane_engine::memory::PROGRAM;
+use terrane_engine::proof::Verdict;
+use terrane_proof::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
+use terrane_simplify::{Length, Measure, goal_of, on_threads, positions};
+use terrane_vector::{self as vector, OpenOptions};
+
+/// Simplified lines to be proven.
+#[derive(Clone, Debug)]
+pub struct LineVerifyJob {
+    /// The simplified lines.
+    pub lines: PathBuf,
+    /// What they were made from.
+    pub original: PathBuf,
+    /// The object of a TopoJSON original; its first one when `None`.
+    pub layer: Option<String>,
+    /// Largest allowed distance; only measured when `None`.
+    pub tolerance: Option<Length>,
+    /// Heights take part in distances.
+    pub is_space: bool,
+    /// Crossings, rings, sides and borders are judged, too.
+    pub topology: bool,
+    /// Rings that have no room within the tolerance may be gone.
+    pub may_drop: bool,
+    /// Points that had to stay on their side.
+    pub sides: Option<PathBuf>,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// What was found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct LineVerifyReport {
+    pub lines: String,
+    pub original: String,
+    #[serde(flatten)]
+    pub verdict: Verdict,
+    /// What else should be known.
+    pub notes: Vec<String>,
+    /// True when crossings, rings, sides and borders were judged, not only measured.
+    pub topology: bool,
+    /// Features of the original, those that are gone, and those that are in the lines alone.
+    pub features: u64,
+    pub gone_features: u64,
+    pub added_features: u64,
+    /// Features with other properties or another id, and with other points.
+    pub changed_attributes: u64,
+    pub changed_points: u64,
+    /// Vertices with another height or measure.
+    pub changed_heights: u64,
+    /// Lines and rings of the result, those that are gone, and those of them that had to stay.
+    pub parts: u64,
+    pub dropped: u64,
+    pub missing: u64,
+    /// Before and after.
+    pub vertices: [u64; 2],
+    pub measure: Measure,
+    pub tolerance: Option<f64>,
+    pub largest_distance: f64,
+    /// Where that is.
+    pub farthest: Option<[f64; 2]>,
+    /// Vertices beyond the tolerance.
+    pub beyond: u64,
+    /// Parts with vertices that the original does not have.
+    pub foreign: u64,
+    /// Pairs of segments that cross, touch or overlap: before, after, and those after that are not
+    /// both segments of the original.
+    pub crossings: [u64; 3],
+    pub collapsed: u64,
+    pub turned: u64,
+    /// Vertices, and points to be kept on their side, that have changed sides.
+    pub moved: u64,
+    /// Borders torn apart or run together.
+    pub torn: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+}
+
+/// Least bytes for pieces, and for what is looked at together.
+const LEAST: u64 = 1 << 20;
+/// Bytes for each vertex of a band that is looked at.
+const BAND_VERTEX: u64 = 200;
+/// Fewest and most vertices of a band.
+const BAND: [u64; 2] = [1 << 12, 1 << 17];
+
+/// Proves the lines of a file against the original.
+///
+/// # Errors
+/// Files that cannot be read, or have other features than each other; more in one place than the
+/// memory holds, or more in all where the features of one file are not in the order of the other.
+pub fn verify_lines(
+    job: &LineVerifyJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<LineVerifyReport> {
+    let started = Instant::now();
+    let original = vector::open(&job.original, &OpenOptions { layer: job.layer.clone() })?;
+    let crs = original.layer().crs.clone();
+    drop(original);
+    let measured = job.tolerance.map(|length| goal_of(length, job.is_space, &crs));
+    let plain = if job.is_space { Measure::Space } else { Measure::Plane };
+    let (measure, tolerance) = match measured.transpose()? {
+        Some((measure, tolerance)) => (measure, Some(tolerance)),
+        None => (plain, None),
+    };
+    let points = match &job.sides {
+        Some(path) => positions(path, &OpenOptions::default())?,
+        None => Vec::new(),
+    };
+    let distance = match measure {
+        Measure::Plane => Distance::Plane,
+        Measure::Space => Distance::Space,
+        Measure::Geographic => Distance::Geographic,
+    };
+    let drops = if job.may_drop { Drops::Thin } else { Drops::None };
+    let comparison = Comparison { distance, tolerance, drops };
+    let proof = Proof { job, comparison, points, progress, cancel };
+    let (found, findings, format) = on_threads(job.resources.threads, || proof.run())??;
+    let mut report = told(job, (measure, tolerance), (&found, &findings), format);
+    judge_system(&crs, job, format, &mut report.verdict)?;
+    Ok(LineVerifyReport { run: Figures::since(started, &job.resources), ..report })
+}
+
+/// The format whose coordinates are always longitudes and latitudes on WGS 84.
+const ALWAYS_WGS84: &str = "GPX";
+/// Formats without the name of a system that are read as longitudes and latitudes on WGS 84.
+const WGS84_BY_DEFAULT: [&str; 3] = [ALWAYS_WGS84, "GeoJSON", "GeoJSONSeq"];
+
+/// Judges the reference system of the lines: it has to be that of the `original`.
+fn judge_system(
+    original: &Crs,
+    job: &LineVerifyJob,
+    format: &str,
+    verdict: &mut Verdict,
+) -> Result<()> {
+    let source = vector::open(&job.lines, &OpenOptions::default())?;
+    let stated = &source.layer().crs;
+    let is_wgs84 = (stated.epsg, stated.vertical_epsg) == (Some(4326), None);
+    let is_default = is_wgs84 && WGS84_BY_DEFAULT.contains(&format);
+    // What GeoJSON has no member for is written beside it.
+    let beside = wkt::of_srs(&terrane_files::prj(&job.lines)?);
+    let is_beside = is_default && format != ALWAYS_WGS84 && beside.is_named();
+    let own = if is_beside { &beside } else { stated };
+    let is_default = is_default && !is_beside;
+    if own.agrees(original) || (is_default && !original.is_named()) {
+        return Ok(());
+    }
+    let [ours, theirs] = original.told_apart(own);
+    match (own.is_named(), original.is_named()) {
+        (true, true) if format != ALWAYS_WGS84 && original.is_surely_another(own) => verdict
+            .fail(format!("the CRS of the lines is {theirs}, and that of the original is {ours}")),
+        (true, true) if format != ALWAYS_WGS84 => verdict.leave(format!(
+            "whether the CRS of the lines, {theirs}, is that of the original, {ours}"
+        )),
+        (true, true) => verdict.leave(format!(
+            "the CRS of the original, {ours}: coordinates of {format} are always on WGS 84"
+        )),
+        (true, false) => verdict.leave(format!(
+            "whether the CRS of the lines, {theirs}, is that of the original, which names none"
+        )),
+        (false, _) => verdict.leave(format!(
+            "the CRS of the lines: they name none, and that of the original is {ours}"
+        )),
+    }
+    Ok(())
+}
+
+fn told(
+    job: &LineVerifyJob,
+    (measure, tolerance): (Measure, Option<f64>),
+    (found, findings): (&Report, &Findings),
+    format: &str,
+) -> LineVerifyReport {
+    let failures = [findings.failures(), failures(found, job.topology)].concat();
+    let mut not_judged = findings.not_judged(format);
+    if tolerance.is_none() {
+        not_judged.insert(0, "distances, as no bound is known (‹tolerance›)".to_owned());
+    } else if found.unknown > 0 {
+        let count = found.unknown;
+        not_judged
+            .push(format!("{count} rings that are gone, too large to tell whether they could go"));
+    }
+    let cut = &findings.cut;
+    let note = format!("names of fields are cut: {}", cut.join(", "));
+    LineVerifyReport {
+        lines: job.lines.display().to_string(),
+        original: job.original.display().to_string(),
+        verdict: Verdict::of(failures, not_judged),
+        notes: (!cut.is_empty()).then_some(note).into_iter().collect(),
+        topology: job.topology,
+        features: findings.features,
+        gone_features: findings.gone.count,
+        added_features: findings.added.count,
+        changed_attributes: findings.attributes.count,
+        changed_points: findings.points.count,
+        changed_heights: found.changed.count,
+        parts: found.parts,
+        dropped: found.dropped,
+        missing: found.missing.count,
+        vertices: found.vertices,
+        measure,
+        tolerance,
+        largest_distance: found.farthest.map_or(0.0, |far| far.distance),
+        farthest: found.farthest.map(|far| far.at),
+        beyond: found.beyond.count,
+        foreign: found.foreign.count,
+        crossings: [found.original_crossings, found.crossings, found.new_crossings.count],
+        collapsed: found.collapsed.count,
+        turned: found.turned.count,
+        moved: found.moved.count,
+        torn: found.torn.count,
+        run: Figures::default(),
+    }
+}
+
+/// A proof under way.
+struct Proof<'a> {
+    job: &'a LineVerifyJob,
+    comparison: Comparison,
+    points: Vec<Xy>,
+    progress: &'a dyn Progress,
+    cancel: &'a Cancel,
+}
+
+impl Proof<'_> {
+    /// What was found, and the name of the format of the lines.
+    fn run(&self) -> Result<(Report, Findings, &'static str)> {
+        let mut pairs = Pairs::new(self.job, self.cancel)?;
+        let (mut pieces, mut report, findings) = self.compare(&mut pairs, f64::NEG_INFINITY)?;
+        loop {
+            self.judge(&pieces, &mut report)?;
+            let done = pieces.band().to;
+            if done == f64::INFINITY {
+                return Ok((report, findings, pairs.format()));
+            }
+            drop(pieces);
+            (pieces, _, _) = self.compare(&mut pairs, done)?;
+        }
+    }
+
+    /// Compares all parts; holds as many pieces from x = `from` on as memory allows.
+    fn compare(&self, pairs: &mut Pairs<'_>, from: f64) -> Result<(Pieces, Report, Findings)> {
+        self.progress.begin("compare", 0);
+        let most = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * LEAST) / 2;
+        loop {
+            let mut report = Report::default();
+            let mut pieces = Pieces::new(Band { from, to: f64::INFINITY });
+            let mut part = 0;
+            let compared = pairs.each(self.progress, &mut |before, after, is_ring| {
+                self.comparison.part(part, before, after, is_ring, &mut report, &mut pieces);
+                part =
+                    part.checked_add(1).ok_or_else(|| Error::limit("lines", "more", u32::MAX))?;
+                while pieces.bytes() > most {
+                    if !pieces.halve() {
+                        return Err(crowded(self.job));
+                    }
+                }
+                Ok(())
+            })?;
+            match compared {
+                Compared::All(findings) => {
+                    self.progress.end();
+                    return Ok((pieces, report, *findings));
+                }
+                Compared::OutOfOrder => pairs.collect()?,
+            }
+        }
+    }
+
+    /// Looks at the pieces together, band by band.
+    fn judge(&self, pieces: &Pieces, report: &mut Report) -> Result<()> {
+        let Resources { memory, threads, .. } = self.job.resources;
+        let share = memory.saturating_sub(PROGRAM) / 2 / threads.max(1) as u64;
+        let bands = pieces.bands((share / BAND_VERTEX).clamp(BAND[0], BAND[1]) as usize);
+        self.progress.begin("judge", bands.len() as u64);
+        let of = |band: &Band| {
+            self.cancel.check()?;
+            let found = judge(pieces, &self.points, *band);
+            self.progress.advance(1);
+            Ok(found)
+        };
+        let found: Vec<Report> = bands.par_iter().map(of).collect::<Result<_>>()?;
+        found.iter().for_each(|found| report.add_band(found));
+        self.progress.end();
+        Ok(())
+    }
+}
+
+fn crowded(job: &LineVerifyJob) -> Error {
+    Error::new(
+        ErrorKind::Resource,
+        "more lines cross one line from south to north than memory holds",
+    )
+    .in_file(&job.original)
+    .remedy("pass more ‹memory›")
+}
+
+/// Lines of each broken promise.
+fn failures(found: &Report, topology: bool) -> Vec<String> {
+    let own = [
+        (found.missing, "lines and rings are gone"),
+        (found.changed, "vertices have another height or measure"),
+        (
+            found.foreign,
+            "parts with a vertex that the original does not have, or not in that order",
+        ),
+        (found.beyond, "vertices farther than the tolerance from the segment in their place"),
+    ];
+    let neighbours = [
+        (found.new_crossings, "pairs of segments meet that did not"),
+        (found.collapsed, "rings have lost their area"),
+        (found.turned, "rings are turned over"),
+        (found.moved, "vertices or points have changed sides"),
+        (found.torn, "borders are torn apart or run together"),
+    ];
+    let judged = own.into_iter().chain(neighbours.into_iter().filter(|_| topology));
+    let tell = |(defect, what): (Defect, &str)| {
+        let (part, [x, y]) = defect.first?;
+        Some(format!("{} {what}; the first in part {part} at {x}, {y}", defect.count))
+    };
+    judged.filter(|(defect, _)| defect.count > 0).filter_map(tell).collect()
+}

@@ -1,0 +1,422 @@
+//! The features of simplified lines beside those they were made from.
+
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::path::Path;
+
+use super::LineVerifyJob;
+use super::attributes::{Facts, Rules, shown};
+use super::findings::Findings;
+use super::own::{Own, OwnPart, Placed, beside, key};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::memory::{PROGRAM, short};
+use terrane_proof::lines::Vertices;
+use terrane_vector::{
+    self as vector, Feature, FeatureSource, OpenOptions, Role, Values, VectorFormat,
+};
+
+/// Bytes for each vertex of either file where all features have to be held.
+const VERTEX: u64 = 200;
+/// Bytes for each vertex of the feature that is looked at.
+const OWN_VERTEX: u64 = 160;
+/// What is taken whatever the budget is.
+const LEAST: u64 = 16 << 20;
+
+/// Features of both files. They come in the same order, or, from formats that sort them, in any.
+pub(super) struct Pairs<'a> {
+    job: &'a LineVerifyJob,
+    cancel: &'a Cancel,
+    format: &'static VectorFormat,
+    /// The features of both files, once it is known that they are not in the same order.
+    held: Option<Held>,
+}
+
+/// All features, and for each of the original the one made from it.
+struct Held {
+    before: Vec<Own>,
+    after: Vec<Own>,
+    partners: Vec<Option<usize>>,
+    findings: Findings,
+}
+
+/// How a comparison went.
+pub(super) enum Compared {
+    /// Every feature was looked at.
+    All(Box<Findings>),
+    /// Features are not in the same order: collect them first.
+    OutOfOrder,
+}
+
+/// Takes a part before and after (without vertices when it is gone), and whether it is a ring.
+pub(super) type Visit<'a> = dyn FnMut(Vertices<'_>, Vertices<'_>, bool) -> Result<()> + 'a;
+
+impl<'a> Pairs<'a> {
+    pub(super) fn new(job: &'a LineVerifyJob, cancel: &'a Cancel) -> Result<Self> {
+        let format = vector::identify(&job.lines)?.ok_or_else(|| {
+            Error::bad_input("not a file of features of a known format").in_file(&job.lines)
+        })?;
+        Ok(Self { job, cancel, format, held: None })
+    }
+
+    /// The name of the format of the lines.
+    pub(super) fn format(&self) -> &'static str {
+        self.format.name
+    }
+
+    /// Visits all parts in the order of the original.
+    pub(super) fn each(&self, progress: &dyn Progress, visit: &mut Visit<'_>) -> Result<Compared> {
+        let Some(Held { before, after, partners, findings }) = &self.held else {
+            return self.side_by_side(progress, visit);
+        };
+        let mut findings = findings.clone();
+        for (number, (before, partner)) in before.iter().zip(partners).enumerate() {
+            self.cancel.check()?;
+            progress.advance(1);
+            let Some(after) = partner.map(|own| &after[own]) else {
+                before.parts.iter().try_for_each(|part| visit_gone(part, visit))?;
+                continue;
+            };
+            let pair = Pair { number: number as u64, before, after };
+            self.visit(&pair, &beside(before, after), &mut findings, visit)?;
+        }
+        Ok(Compared::All(Box::new(findings)))
+    }
+
+    /// Visits parts while both files are read.
+    fn side_by_side(&self, progress: &dyn Progress, visit: &mut Visit<'_>) -> Result<Compared> {
+        let [mut original, mut lines] = self.open()?;
+        let mut rules = Rules::new(self.format.holds, &*lines);
+        let mut findings = Findings::default();
+        loop {
+            self.cancel.check()?;
+            progress.advance(1);
+            let number = findings.features;
+            let (before, after) = match (original.next()?, lines.next()?) {
+                (None, None) => {
+                    (findings.lost, findings.cut) = (rules.lost, rules.cut());
+                    return Ok(Compared::All(Box::new(findings)));
+                }
+                (Some(before), Some(after)) => (before, after),
+                _ => return Ok(Compared::OutOfOrder),
+            };
+            let facts = [rules.expected(&before), rules.found(&after)];
+            let [expected, found] = facts;
+            let difference = rules.difference(&expected, &found);
+            let before = self.own(&before, expected, &*original)?;
+            let after = self.own(&after, found, &*lines)?;
+            let placed = beside(&before, &after);
+            let (is_same, is_sound) = (difference.is_none(), placed.fits);
+            let is_pair = match self.format.holds.ordered {
+                true => is_same || is_sound,
+                false => is_same && is_sound,
+            };
+            if !is_pair {
+                return Ok(Compared::OutOfOrder);
+            }
+            if let Some(what) = difference {
+                findings.attributes.add(|| format!("feature {number}: {what}"));
+            }
+            let pair = Pair { number, before: &before, after: &after };
+            self.visit(&pair, &placed, &mut findings, visit)?;
+            findings.features += 1;
+        }
+    }
+
+    /// Visits the parts of a feature, and judges what is no part.
+    fn visit(
+        &self,
+        pair: &Pair<'_>,
+        placed: &Placed,
+        findings: &mut Findings,
+        visit: &mut Visit<'_>,
+    ) -> Result<()> {
+        let Pair { number, before, after } = *pair;
+        let extras = Extras::new(self.format, before, after);
+        findings.unheld[0] += u64::from(!extras.held[0]);
+        findings.unheld[1] += u64::from(!extras.held[1]);
+        if extras.differ(&before.points, &after.points) {
+            findings.points.add(|| format!("feature {number}"));
+        }
+        let mut outer: &[[f64; 3]] = &[];
+        for (part, own) in before.parts.iter().zip(&placed.of) {
+            let own = own.map(|own| &after.parts[own]);
+            match part.role {
+                Role::Outer if own.is_none() => outer = &part.points,
+                Role::Outer | Role::Line => outer = &[],
+                Role::Hole => {}
+            }
+            let old = extras.of(part, true);
+            let new = own.map_or_else(Vec::new, |own| extras.of(own, false));
+            let points = own.map_or(&[][..], |own| &own.points);
+            // Shapefiles tell holes by the way they go round alone.
+            let is_told = self.format.holds.values != Values::Dbase;
+            if own.is_some_and(|own| own.role != part.role) && is_told {
+                findings.roles.add(|| format!("in feature {number}"));
+            }
+            let before = Vertices { points: &part.points, extras: &old, outer };
+            visit(before, Vertices { points, extras: &new, outer: &[] }, part.is_ring())?;
+        }
+        for added in placed.added.iter().map(|&own| &after.parts[own]) {
+            visit(Vertices::default(), Vertices::of(&added.points), added.is_ring())?;
+        }
+        Ok(())
+    }
+
+    /// Holds all features and finds out which were made from which.
+    pub(super) fn collect(&mut self) -> Result<()> {
+        let [mut original, mut lines] = self.open()?;
+        let mut rules = Rules::new(self.format.holds, &*lines);
+        let mut held = 0;
+        let before = self.all(&mut *original, &mut held, |feature| rules.expected(feature))?;
+        let after = self.all(&mut *lines, &mut held, |feature| rules.found(feature))?;
+        let Partners { of: partners, made, .. } = Partners::find(&before, &after);
+        let mut findings = Findings { features: before.len() as u64, ..Findings::default() };
+        for (number, (old, partner)) in before.iter().zip(&partners).enumerate() {
+            match partner {
+                Some(own) => {
+                    if let Some(what) = rules.difference(&old.facts, &after[*own].facts) {
+                        findings.attributes.add(|| format!("feature {number}: {what}"));
+                    }
+                }
+                // A file with a line for each vertex holds no feature without one.
+                None if old.is_empty() && self.format.holds.values == Values::Cells => {}
+                None => findings.gone.add(|| format!("feature {number}{}", named(old))),
+            }
+        }
+        for (number, own) in after.iter().enumerate().filter(|(number, _)| !made[*number]) {
+            findings.added.add(|| format!("feature {number} of the lines{}", named(own)));
+        }
+        (findings.lost, findings.cut) = (rules.lost, rules.cut());
+        self.held = Some(Held { before, after, partners, findings });
+        Ok(())
+    }
+
+    /// All features of a file, as far as memory holds them with those held already.
+    fn all(
+        &self,
+        source: &mut dyn FeatureSource,
+        held: &mut u64,
+        mut facts: impl FnMut(&Feature) -> Facts,
+    ) -> Result<Vec<Own>> {
+        let mut all = Vec::new();
+        while let Some(feature) = source.next()? {
+            self.cancel.check()?;
+            *held += (feature.geometry.vertices() as u64 + 1) * VERTEX;
+            if *held > self.job.resources.memory {
+                let message = "features are not those of the original in the same order, and more \
+                               than memory holds";
+                return Err(Error::new(ErrorKind::Resource, message)
+                    .in_file(&self.job.lines)
+                    .remedy(
+                        "pass more ‹memory›, or write lines to a format that keeps the order",
+                    ));
+            }
+            all.push(self.own(&feature, facts(&feature), source)?);
+        }
+        Ok(all)
+    }
+
+    fn open(&self) -> Result<[Box<dyn FeatureSource>; 2]> {
+        let options = OpenOptions { layer: self.job.layer.clone() };
+        let original = vector::open(&self.job.original, &options)?;
+        Ok([original, vector::open(&self.job.lines, &OpenOptions::default())?])
+    }
+
+    fn own(&self, feature: &Feature, facts: Facts, source: &dyn FeatureSource) -> Result<Own> {
+        let needed = PROGRAM + 2 * OWN_VERTEX * feature.geometry.vertices() as u64;
+        // Before as much is taken once more.
+        if needed > self.job.resources.memory.max(LEAST) {
+            let mib = needed.div_ceil(1 << 20);
+            let message = format!("a feature as large as this takes {mib} MiB of memory");
+            let error = short(message, needed).in_file(Path::new(&self.job.original));
+            return Err(error.at(source.place()));
+        }
+        let own = Own::new(feature, facts);
+        let own = if self.format.holds.values == Values::Cells { own.one_row() } else { own };
+        // Products of larger ones could not be told exactly.
+        if own.vertices().flatten().any(|v| v.abs() >= 1e130) {
+            return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.place()));
+        }
+        // Squares of distances between smaller ones are 0.
+        let is_fine = self.job.tolerance.is_some_and(|tolerance| tolerance.value < 1e-50);
+        if is_fine && own.vertices().flatten().any(|v| *v != 0.0 && v.abs() < 1e-59) {
+            let message = "a coordinate below 1e-59 is too small for distances to be computed";
+            return Err(Error::bad_input(message)
+                .at(source.place())
+                .remedy("pass ‹tolerance› 1e-50 or more"));
+        }
+        Ok(own)
+    }
+}
+
+/// A feature before and after.
+struct Pair<'a> {
+    number: u64,
+    before: &'a Own,
+    after: &'a Own,
+}
+
+/// How heights and measures of a feature are compared.
+struct Extras {
+    /// False where the original has some and the format no place for them.
+    held: [bool; 2],
+    /// True where there is none, before or after.
+    is_none: bool,
+    /// True where no height is told as 0: a shapefile has heights for all of its features or for none.
+    is_zero: bool,
+    /// True where measures are moments, which are told to the millisecond.
+    is_coarse: bool,
+}
+
+impl Extras {
+    fn new(format: &VectorFormat, before: &Own, after: &Own) -> Self {
+        let (had, has) = (before.has(), after.has());
+        let holds = [format.holds.z, format.holds.m];
+        let held = [0, 1].map(|k| holds[k] || !had[k] || has[k] || after.is_empty());
+        let is_zero = format.holds.values == Values::Dbase && has[0] && !had[0];
+        let is_coarse = matches!(format.holds.values, Values::Named(_));
+        let is_none = [had, has].iter().flatten().all(|has| !has);
+        Self { held, is_none, is_zero, is_coarse }
+    }
+
+    /// Heights and measures of a part of the original or of the lines, without those that are not held;
+    /// nothing where there is none at all.
+    fn of(&self, part: &OwnPart, is_original: bool) -> Vec<[f64; 2]> {
+        if self.is_none {
+            return Vec::new();
+        }
+        let of = |&[z, m]: &[f64; 2]| {
+            let z = if self.is_zero && is_original { 0.0 } else { z };
+            let m = if self.is_coarse { (m * 1e3).round() } else { m };
+            [if self.held[0] { z } else { f64::NAN }, if self.held[1] { m } else { f64::NAN }]
+        };
+        part.extras.iter().map(of).collect()
+    }
+
+    /// Whether points are others.
+    fn differ(&self, before: &OwnPart, after: &OwnPart) -> bool {
+        let bits = |v: f64| if v.is_nan() { f64::NAN.to_bits() } else { (v + 0.0).to_bits() };
+        let places = |part: &OwnPart| part.points.iter().map(key).collect::<Vec<_>>();
+        let more = |part: &OwnPart, is_original: bool| -> Vec<[u64; 2]> {
+            self.of(part, is_original).into_iter().map(|extras| extras.map(bits)).collect()
+        };
+        places(before) != places(after) || more(before, true) != more(after, false)
+    }
+}
+
+fn visit_gone(part: &OwnPart, visit: &mut Visit<'_>) -> Result<()> {
+    visit(Vertices::of(&part.points), Vertices::default(), part.is_ring())
+}
+
+/// Something to know a feature by.
+fn named(own: &Own) -> String {
+    let first = own.facts.first();
+    first.map_or(String::new(), |(name, value)| format!(" ({name} {})", shown(value)))
+}
+
+/// Which features were made from which.
+struct Partners<'a> {
+    before: &'a [Own],
+    after: &'a [Own],
+    /// For each feature before the one made from it, and for each after whether it has been found.
+    of: Vec<Option<usize>>,
+    made: Vec<bool>,
+}
+
+impl<'a> Partners<'a> {
+    /// First those whose facts and vertices both are its own, then those with its vertices, then those
+    /// with its facts; what is empty now is most likely what was empty.
+    fn find(before: &'a [Own], after: &'a [Own]) -> Self {
+        let (of, made) = (vec![None; before.len()], vec![false; after.len()]);
+        let mut found = Self { before, after, of, made };
+        let (having, mut stamped) = indices(before);
+        found.by_vertices(&having, true);
+        found.by_vertices(&having, false);
+        found.by_facts(&mut stamped, true);
+        found.by_facts(&mut stamped, false);
+        found
+    }
+
+    fn by_vertices(&mut self, having: &Having, with_stamp: bool) {
+        for number in 0..self.after.len() {
+            if !self.made[number] {
+                self.made[number] = self.pair(number, having, with_stamp, &mut HashSet::new());
+            }
+        }
+    }
+
+    /// Finds the feature that one was made from. Where all that fit are taken, one of those that took them goes on
+    /// to another that fits it, too (Berge 1957): a short line has its vertices in many a longer one.
+    fn pair(
+        &mut self,
+        number: usize,
+        having: &Having,
+        with_stamp: bool,
+        tried: &mut HashSet<usize>,
+    ) -> bool {
+        let (before, after) = (self.before, self.after);
+        let feature = &after[number];
+        let first = feature.vertices().next();
+        let Some(near) = first.and_then(|first| having.get(&key(first))) else { return false };
+        for is_taken in [false, true] {
+            for &old in near {
+                if tried.len() >= MOST_TRIED {
+                    return false;
+                }
+                let is_known = self.of[old].is_some() != is_taken || tried.contains(&old);
+                let is_other = with_stamp && before[old].stamp != feature.stamp;
+                if is_known || is_other || !beside(&before[old], feature).fits {
+                    continue;
+                }
+                tried.insert(old);
+                let is_free = match self.of[old] {
+                    None => true,
+                    // One that was found by its values, too, stays.
+                    Some(other) if !with_stamp && before[old].stamp == after[other].stamp => false,
+                    Some(other) => self.pair(other, having, with_stamp, tried),
+                };
+                if is_free {
+                    self.of[old] = Some(number);
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    fn by_facts(&mut self, stamped: &mut Stamped<'a>, is_alike: bool) {
+        for (number, feature) in self.after.iter().enumerate() {
+            let kind = (&*feature.stamp, feature.is_empty() == is_alike);
+            let Some(same) = stamped.get_mut(&kind).filter(|_| !self.made[number]) else {
+                continue;
+            };
+            let free = std::iter::from_fn(|| same.pop_front()).find(|&old| self.of[old].is_none());
+            if let Some(old) = free {
+                (self.of[old], self.made[number]) = (Some(number), true);
+            }
+        }
+    }
+}
+
+/// Features that are tried for one, at the most.
+const MOST_TRIED: usize = 256;
+
+/// The features that have a vertex at a position.
+type Having = HashMap<[u64; 2], Vec<usize>>;
+/// The features with a stamp, and without a vertex or with some.
+type Stamped<'a> = HashMap<(&'a str, bool), VecDeque<usize>>;
+
+fn indices(features: &[Own]) -> (Having, Stamped<'_>) {
+    let (mut having, mut stamped) = (Having::new(), Stamped::new());
+    for (number, feature) in features.iter().enumerate() {
+        for point in feature.vertices() {
+            let numbers = having.entry(key(point)).or_default();
+            if numbers.last() != Some(&number) {
+                numbers.push(number);
+            }
+        }
+        stamped.entry((&*feature.stamp, feature.is_empty())).or_default().push_back(number);
+    }
+    (having, stamped)
+}

@@ -1,0 +1,292 @@
+//! Options of proofs: of what was written, and what it is held to.
+
+use std::path::PathBuf;
+
+use terrane_options::{Choice, Options, Range, Rule};
+
+use super::cloud::verify_cloud;
+use super::tiles::{TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
+use super::{
+    AskedBands, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyReport, run, verify_lines,
+};
+use terrane_base::bound::Bound;
+use terrane_base::error::{Error, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::bands::Bands;
+use terrane_engine::options::Constraints;
+use terrane_engine::options::{BoundName, CloudInput, FeatureInput, FileName, GridInput};
+use terrane_engine::proof::{Proof, Verdict, Written};
+use terrane_files::path_of;
+use terrane_simplify::{Length, LengthText, Metric};
+use terrane_tiles::ModelOptions;
+
+/// A proof as it is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Proving<'a, O> {
+    pub(super) written: &'a Written,
+    pub(super) options: &'a O,
+}
+
+/// Prove a mesh against the grid it was made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = OF_MESHES)]
+#[non_exhaustive]
+pub struct MeshProof {
+    /// Largest vertical distance allowed
+    #[option(value = "E", stands_for = "tolerance", range = Range::FROM_ZERO,
+             default_text = "the one the mesh file states")]
+    pub max_error: Option<f64>,
+    /// What the bound is of: samples, or surface for every point of the lines between neighbouring samples as well
+    #[option(value = "WHAT", with = BoundName,
+             default_text = "what the mesh file states; samples, where it states nothing")]
+    pub bound: Option<Bound>,
+    /// The smallest angle that triangles may have in plan, in degrees
+    #[option(value = "DEGREES", range = Range::POSITIVE, default_text = "the one the mesh file states")]
+    pub min_angle: Option<f64>,
+    /// What has to be in it.
+    #[option(flatten)]
+    pub constraints: Constraints,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Bands that the mesh has the values of, such as 1,2,3 for the colours of a photograph; heights are those of ‹band›,
+    /// if it is given
+    #[option(value = "N,..", range = Range::new(1.0, u32::MAX as f64), heading = "Several bands")]
+    pub bands: Vec<u32>,
+    /// How much an error in each band counts
+    #[option(value = "W,..", range = Range::POSITIVE, heading = "Several bands", default_text = "what the mesh states")]
+    pub weights: Vec<f64>,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const OF_MESHES: &[Rule] = &[
+    Rule::Needs("weights", &["bands"]),
+    Rule::NotWith("bands", &["bound=surface", "keep_points", "breaklines", "water"]),
+];
+
+/// Prove a mesh against the point cloud it was made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+#[non_exhaustive]
+pub struct CloudMeshProof {
+    /// Largest vertical distance allowed
+    #[option(value = "E", stands_for = "tolerance", range = Range::FROM_ZERO,
+             default_text = "the one the mesh file states")]
+    pub max_error: Option<f64>,
+    /// What has to be in it.
+    #[option(flatten)]
+    pub constraints: Constraints,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Prove terrain tiles against the grid they were made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+#[non_exhaustive]
+pub struct TilesProof {
+    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub geoid: Option<String>,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Prove terrain tiles against the point cloud they were made from, by way of a model of its ground
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+#[non_exhaustive]
+pub struct CloudTilesProof {
+    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub geoid: Option<String>,
+    /// Water of a file of features that was made level, which masks of water are held to
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub water: Option<String>,
+    /// The model of the ground.
+    #[option(flatten)]
+    pub model: ModelOptions,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Prove simplified lines against the file they were made from
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Lines", setters = own, rules = OF_LINES)]
+#[non_exhaustive]
+pub struct LineProof {
+    /// Largest distance allowed, in units of the data, or with a unit: 100m, 2km, 50ft
+    #[option(value = "LENGTH", stands_for = "max_error", with = LengthText, range = Range::FROM_ZERO,
+             default_text = "only measure it")]
+    pub tolerance: Option<Length>,
+    /// What a distance is: in x and y, or in x, y and z
+    #[option(value = "NAME")]
+    pub metric: Metric,
+    /// Judge crossings, rings, sides and shared borders, too
+    pub topology: bool,
+    /// Points that had to stay on their side
+    #[option(value = "FILE", with = FileName, role = Reads)]
+    pub sides: Option<PathBuf>,
+    /// Rings may be gone: those with two vertices whose segment has all others within the tolerance, and their holes with
+    /// them
+    #[option(value = "HOW", default_text = "nothing may be gone")]
+    pub collapse: Option<Gone>,
+    /// How the lines are read that they were made from.
+    #[option(flatten)]
+    pub features: FeatureInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// What may have become of rings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Gone {
+    /// They may be gone where there is no room for them
+    Drop,
+}
+
+const OF_LINES: &[Rule] = &[Rule::Needs("sides", &["topology"])];
+
+impl MeshProof {
+    pub(super) fn tolerance(&self) -> Option<f64> {
+        self.max_error.map(f64::abs)
+    }
+
+    /// The bands that the mesh's channels are held to.
+    pub(super) fn asked_bands(&self) -> Result<Option<AskedBands>> {
+        if self.bands.is_empty() {
+            return Ok(None);
+        }
+        let heights = Bands::new(&self.bands, &self.weights, self.grid.band)?.heights();
+        let (bands, weights) = (self.bands.clone(), self.weights.clone());
+        Ok(Some(AskedBands { heights, bands, weights }))
+    }
+}
+
+impl CloudMeshProof {
+    pub(super) fn tolerance(&self) -> Option<f64> {
+        self.max_error.map(f64::abs)
+    }
+}
+
+impl Proof for MeshProof {
+    const OF: &'static str = "meshes of grids";
+    type Report = VerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<VerifyReport> {
+        run(&Proving { written, options: self }, progress, cancel)
+    }
+
+    fn verdict(report: &VerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for CloudMeshProof {
+    const OF: &'static str = "meshes of point clouds";
+    type Report = CloudVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<CloudVerifyReport> {
+        verify_cloud(&Proving { written, options: self }, progress, cancel)
+    }
+
+    fn verdict(report: &CloudVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for TilesProof {
+    const OF: &'static str = "terrain tiles of grids";
+    type Report = TilesVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<TilesVerifyReport> {
+        verify_tiles(&Proving { written, options: self }, progress, cancel)
+    }
+
+    fn verdict(report: &TilesVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for CloudTilesProof {
+    const OF: &'static str = "terrain tiles of point clouds";
+    type Report = TilesVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<TilesVerifyReport> {
+        verify_tiles_of_cloud(&Proving { written, options: self }, progress, cancel)
+    }
+
+    fn verdict(report: &TilesVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for LineProof {
+    const OF: &'static str = "simplified lines";
+    type Report = LineVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<LineVerifyReport> {
+        let [original] = written.original.names() else {
+            return Err(Error::usage("lines are proved against one file")
+                .remedy("name the file that they were made from"));
+        };
+        let job = LineVerifyJob {
+            lines: written.file.clone(),
+            original: path_of(original).into_owned(),
+            layer: self.features.layer.clone(),
+            tolerance: self.tolerance,
+            is_space: self.metric == Metric::Space,
+            topology: self.topology,
+            may_drop: self.collapse == Some(Gone::Drop),
+            sides: self.sides.clone(),
+            resources: self.resources.clone(),
+        };
+        verify_lines(&job, progress, cancel)
+    }
+
+    fn verdict(report: &LineVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}

@@ -1,0 +1,98 @@
+//! The quality of a written mesh as a triangulation, out of core: measured, not judged.
+//!
+//! Of the mesh alone: its triangles are spread over squares of the plane through a temporary file, and
+//! each square is looked at by itself ([`terrane_proof::quality`]). With a grid, they are spread once more
+//! over rectangles of its samples, where triangles are held against slopes ([`terrane_proof::slope`]).
+//! Nothing in the report depends on threads, memory budget, or the order of work.
+
+mod report;
+mod shapes;
+mod slopes;
+
+use std::path::Path;
+
+use super::{LEAST_MEMORY, Work, check_grid};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point3;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::ground::Ground;
+use terrane_engine::input::is_geographic;
+use terrane_engine::memory::cache_beside;
+use terrane_mesh::MeshSource;
+use terrane_proof::quality::Plan;
+use terrane_raster::GridSource;
+
+pub use report::{AngleReport, AspectReport, Below, DegreeReport, QualityReport, SlopeReport};
+
+/// A mesh to be measured.
+#[derive(Clone, Copy)]
+pub struct Measured<'a> {
+    /// Its file.
+    pub file: &'a Path,
+    /// What is in it.
+    pub mesh: &'a dyn MeshSource,
+    /// Smallest and largest coordinates of its vertices; `None` without any.
+    pub bounds: Option<[Point3; 2]>,
+}
+
+/// A grid whose slopes a mesh is held against.
+#[derive(Clone, Copy)]
+pub struct Against<'a> {
+    /// Its file, or what it is called.
+    pub name: &'a Path,
+    /// What is in it.
+    pub grid: &'a dyn GridSource,
+}
+
+/// Measures the quality of a mesh, and that of its slopes where there is a grid. A caller's caches of both
+/// are not part of the memory budget, of which this takes about half.
+///
+/// # Errors
+/// A solid, a triangle that refers to a vertex there is not, too little memory, a grid whose coordinates
+/// or heights are no lengths, and everything the sources report.
+pub fn quality(
+    measured: Measured<'_>,
+    against: Option<Against<'_>>,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<QualityReport> {
+    let Measured { file, mesh, bounds } = measured;
+    let in_mesh = |error: Error| match error.kind() {
+        ErrorKind::BadInput | ErrorKind::Unsupported => error.in_file(file),
+        _ => error,
+    };
+    refuse_solid(mesh).map_err(in_mesh)?;
+    let against = against.map(|Against { name, grid }| {
+        let ground = check_grid(grid).and_then(|()| Ground::of(grid.info()));
+        ground.map(|ground| (grid, ground)).map_err(|e| e.in_file(name))
+    });
+    let against = against.transpose()?;
+    // Beside a mesh's squares a grid is open, whose blocks are decoded.
+    let memory = resources.memory;
+    let room = (memory - cache_beside(memory) as u64).max(memory.min(LEAST_MEMORY));
+    let resources = &Resources { memory: room, ..resources.clone() };
+    let work = || Work::new(mesh, None, resources, progress, cancel);
+    let info = mesh.info();
+    let has_space = !is_geographic(info);
+    // Where there are no vertices, no triangle has corners that could be anywhere.
+    let plan = Plan::new(bounds.unwrap_or_default(), info.origin, info.single_precision);
+    let (found, broken) = shapes::look(&work()?, &plan, has_space).map_err(in_mesh)?;
+    let mut report = QualityReport::new(&found, broken, plan.cell(), has_space);
+    if let Some((grid, ground)) = against {
+        report.slope = Some(slopes::look(work()?, grid, &ground).map_err(in_mesh)?);
+    }
+    Ok(report)
+}
+
+fn refuse_solid(mesh: &dyn MeshSource) -> Result<()> {
+    if !mesh.info().solid {
+        return Ok(());
+    }
+    Err(Error::unsupported(
+        "is a solid: it has walls and a bottom, which are no terrain to measure",
+    )
+    .remedy("measure the mesh that is made without ‹base› and ‹co› SOLID_BASE"))
+}

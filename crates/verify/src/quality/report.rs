@@ -1,0 +1,230 @@
+//! What was found of the quality of a mesh, for people and programs.
+
+use serde::Serialize;
+
+use crate::Place;
+use terrane_proof::Position;
+use terrane_proof::quality::{Angles, Pairs, Quality};
+use terrane_proof::slope::Slopes;
+
+/// The quality of a mesh. Vertices are positions in plan, so that those of formats without an identity
+/// of vertices count once; lengths and angles are in plan in the coordinates of the mesh, as if these were
+/// lengths, but for those in space.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct QualityReport {
+    /// Positions of corners.
+    pub vertices: u64,
+    /// Triangles, but for those broken.
+    pub triangles: u64,
+    /// Triangles with a vertex that has no finite position; nothing else is told of them.
+    pub broken_triangles: u64,
+    /// Triangles without area in plan: they have no angles.
+    pub empty_triangles: u64,
+    /// Triangles clockwise seen from above.
+    pub inverted_triangles: u64,
+    /// Edges, each once.
+    pub edges: u64,
+    /// Edges of two triangles that pass them in opposite directions.
+    pub interior_edges: u64,
+    /// Edges of one triangle.
+    pub border_edges: u64,
+    /// Edges of more than two triangles, or of two that pass them in the same direction.
+    pub non_manifold_edges: u64,
+    /// Interior edges that are locally Delaunay: neither opposite corner is inside the circle through the
+    /// other triangle.
+    pub delaunay_edges: u64,
+    /// Those of them whose four corners are on one circle, as far as the rounding of positions lets tell:
+    /// the other diagonal would be Delaunay, too.
+    pub cocircular_edges: u64,
+    /// Interior edges that are not.
+    pub non_delaunay_edges: u64,
+    /// Interior edges whose triangles do not lie on opposite sides in plan: overhangs, and neighbours of
+    /// triangles without area. They are not Delaunay either.
+    pub folded_edges: u64,
+    /// Delaunay edges by interior edges.
+    pub delaunay_share: Option<f64>,
+    /// Sum of the lengths of all edges.
+    pub edge_length_sum: f64,
+    /// The shortest edge.
+    pub shortest_edge: Option<f64>,
+    /// The longest edge.
+    pub longest_edge: Option<f64>,
+    /// Edges of a vertex.
+    pub degrees: DegreeReport,
+    /// Smallest angles of triangles in plan.
+    pub smallest_angles: AngleReport,
+    /// The largest angle of a triangle in plan, in degrees.
+    pub largest_angle: Option<f64>,
+    /// Aspect ratios of triangles in plan.
+    pub aspect_ratios: AspectReport,
+    /// Smallest angles of triangles in space, heights taken to have the unit of x and y; absent where these
+    /// are degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smallest_angles_in_space: Option<AngleReport>,
+    /// How far triangles are from the slopes of the grid; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slope: Option<SlopeReport>,
+}
+
+/// Smallest angles of triangles, in degrees.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct AngleReport {
+    /// The least of all.
+    pub min: Option<f64>,
+    /// What 1 % of the triangles do not exceed, to a hundredth of a degree.
+    pub percentile_1: Option<f64>,
+    /// What 5 % do not exceed.
+    pub percentile_5: Option<f64>,
+    /// What half of them do not exceed.
+    pub median: Option<f64>,
+    /// Shares of triangles below some angles.
+    pub below: Vec<Below>,
+    /// Triangles in steps of 5 degrees from 0 to 60.
+    pub histogram: Vec<u64>,
+}
+
+/// A share of the triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Below {
+    /// The angle, in degrees.
+    pub angle: f64,
+    /// How many triangles are below it.
+    pub triangles: u64,
+    /// The same, by all that have angles.
+    pub share: f64,
+}
+
+impl AngleReport {
+    fn new(found: &Angles) -> Self {
+        let below = Angles::LIMITS.into_iter().zip(found.below).map(|(angle, triangles)| Below {
+            angle,
+            triangles,
+            share: triangles as f64 / found.count().max(1) as f64,
+        });
+        Self {
+            min: found.least,
+            percentile_1: found.percentile(1),
+            percentile_5: found.percentile(5),
+            median: found.percentile(50),
+            below: below.collect(),
+            histogram: found.histogram.to_vec(),
+        }
+    }
+}
+
+/// Aspect ratios of triangles: longest edge by the radius of the inscribed circle, by 2 sqrt(3), as the
+/// Verdict library has it; 1 for an equilateral triangle.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct AspectReport {
+    /// Mean over the triangles with area.
+    pub mean: Option<f64>,
+    /// The largest.
+    pub max: Option<f64>,
+    /// Upper ends of the bins of the histogram but the last, which has none.
+    pub bins: Vec<f64>,
+    /// Triangles by bin.
+    pub histogram: Vec<u64>,
+}
+
+/// Numbers of edges of vertices.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DegreeReport {
+    /// The fewest.
+    pub min: Option<u64>,
+    /// Mean over the vertices.
+    pub mean: Option<f64>,
+    /// The most.
+    pub max: Option<u64>,
+    /// Vertices of 0, 1, 2 and more edges; the last entry counts those of 20 or more.
+    pub histogram: Vec<u64>,
+}
+
+/// The angle between the normals of triangles and of the grid, in degrees: at the middle of each cell
+/// with four samples, whose slope is that of central differences. Where several triangles meet there, of
+/// the one that is furthest off.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SlopeReport {
+    /// Cells that were compared.
+    pub cells: u64,
+    /// Cells with four samples whose middle no triangle covers.
+    pub uncovered_cells: u64,
+    /// Root mean square of the angles.
+    pub rms: Option<f64>,
+    /// The largest angle.
+    pub max: Option<f64>,
+    /// Where it is.
+    pub max_at: Option<Place>,
+    /// What was taken for granted.
+    pub notes: Vec<String>,
+}
+
+impl SlopeReport {
+    pub(super) fn new(
+        found: &Slopes,
+        notes: Vec<String>,
+        place: impl Fn(Position) -> Place,
+    ) -> Self {
+        let mean = mean(found.squares.value(), found.cells);
+        Self {
+            cells: found.cells,
+            uncovered_cells: found.uncovered,
+            rms: mean.map(f64::sqrt),
+            max: found.worst.map(|spot| spot.error),
+            max_at: found.worst.map(|spot| place(spot.at)),
+            notes,
+        }
+    }
+}
+
+impl QualityReport {
+    /// What was found, with cells of the lattice so wide in the world.
+    pub(super) fn new(found: &Quality, broken: u64, cell: f64, has_space: bool) -> Self {
+        let Pairs { delaunay, cocircular, not_delaunay, folded } = found.pairs;
+        let interior_edges = delaunay + cocircular + not_delaunay + folded;
+        let delaunay_edges = delaunay + cocircular;
+        let length = |cells: Option<f64>| cells.map(|cells| cells * cell);
+        Self {
+            vertices: found.vertices,
+            triangles: found.triangles,
+            broken_triangles: broken,
+            empty_triangles: found.empty,
+            inverted_triangles: found.inverted,
+            edges: found.edges,
+            interior_edges,
+            border_edges: found.border,
+            non_manifold_edges: found.tangled,
+            delaunay_edges,
+            cocircular_edges: cocircular,
+            non_delaunay_edges: not_delaunay,
+            folded_edges: folded,
+            delaunay_share: mean(delaunay_edges as f64, interior_edges),
+            edge_length_sum: found.lengths.value() * cell,
+            shortest_edge: length(found.shortest),
+            longest_edge: length(found.longest),
+            degrees: DegreeReport::new(found),
+            smallest_angles: AngleReport::new(&found.plan),
+            largest_angle: found.largest_angle,
+            aspect_ratios: AspectReport {
+                mean: mean(found.aspects.value(), found.plan.count()),
+                max: found.worst_aspect,
+                bins: Quality::ASPECTS.to_vec(),
+                histogram: found.aspect_histogram.to_vec(),
+            },
+            smallest_angles_in_space: has_space.then(|| AngleReport::new(&found.space)),
+            slope: None,
+        }
+    }
+}
+
+impl DegreeReport {
+    fn new(found: &Quality) -> Self {
+        let [min, max] = [0, 1].map(|end| found.degree_range.map(|range| range[end]));
+        // Each edge is one of two vertices.
+        let mean = mean(2.0 * found.edges as f64, found.vertices);
+        Self { min, mean, max, histogram: found.degrees.to_vec() }
+    }
+}
+
+fn mean(sum: f64, count: u64) -> Option<f64> {
+    (count > 0).then(|| sum / count as f64)
+}

@@ -1,0 +1,110 @@
+//! The squares of a mesh, one after the other; those too crowded are spread again.
+
+use std::sync::Mutex;
+
+use super::Work;
+use crate::parts::MOST_TRIANGLES;
+use crate::spread::{Reach, Spread};
+use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_engine::workers;
+use terrane_files::{Buckets, lock};
+use terrane_proof::quality::{self, Part, Plan, Quality};
+use terrane_proof::{Domain, Position, Triangle};
+
+/// Looks at all squares. Returns the triangles that were left out because of an unusable vertex, too.
+pub(super) fn look(work: &Work<'_>, plan: &Plan, has_space: bool) -> Result<(Quality, u64)> {
+    let layout = divide(plan.grid(), wanted(work));
+    let spread = Spread::of_triangles(work, plan, layout, Reach::Corners)?;
+    let all = Mutex::new(Quality::default());
+    let looker = Looker { work, plan, has_space, crowded: Mutex::new(()) };
+    work.progress.begin("squares", layout.len());
+    let look = |found: &mut Quality, index: u64| {
+        let domain = layout.domain(index);
+        looker.look(&spread.triangles, index as usize, domain, found)?;
+        work.progress.advance(1);
+        Ok(())
+    };
+    let finish = |found: Quality| {
+        lock(&all).merge(&found);
+        Ok(())
+    };
+    workers::run(work.threads, layout.len(), &work.cancel, Quality::default, look, finish)?;
+    work.progress.end();
+    let found = std::mem::take(&mut *lock(&all));
+    Ok((found, spread.broken))
+}
+
+/// How many squares are wanted: few enough that their index stays small, but so many that one of average
+/// density takes half of a thread's memory.
+fn wanted(work: &Work<'_>) -> u64 {
+    let triangles = work.mesh.info().triangles;
+    let need = quality::bytes_needed(triangles.saturating_mul(3) / 2);
+    let wanted = (triangles / CROWD).max(need / (work.share / 2)).max(SHARES * work.threads as u64);
+    // Each time the memory for triangles is full, it leaves a run in every square at worst.
+    let flushes = triangles / (work.memory / 4 / size_of::<Triangle>() as u64).max(1) + 1;
+    let indexed = work.share / 8 / RUN_BYTES / flushes;
+    wanted.min(indexed).clamp(1, MOST)
+}
+
+struct Looker<'a> {
+    work: &'a Work<'a>,
+    plan: &'a Plan,
+    has_space: bool,
+    /// Held while a square that cannot be split takes more than a thread's share.
+    crowded: Mutex<()>,
+}
+
+impl Looker<'_> {
+    fn look(
+        &self,
+        pile: &Buckets<Triangle>,
+        number: usize,
+        domain: Domain,
+        found: &mut Quality,
+    ) -> Result<()> {
+        self.work.cancel.check()?;
+        let triangles = pile.len(number);
+        let need = quality::bytes_needed(triangles);
+        if need <= self.work.share && triangles <= MOST_TRIANGLES {
+            return self.look_at(pile, number, domain, found);
+        }
+        let pieces = pieces(domain);
+        if pieces.len() > 1 {
+            let again = respread(self.work, pile, number, &pieces, has_corner)?;
+            let mut all = (0..).zip(&pieces);
+            return all.try_for_each(|(number, &piece)| self.look(&again, number, piece, found));
+        }
+        if need > self.work.memory || triangles > MOST_TRIANGLES {
+            return Err(self.too_crowded(domain, triangles, need));
+        }
+        let _alone = lock(&self.crowded);
+        self.look_at(pile, number, domain, found)
+    }
+
+    fn look_at(
+        &self,
+        pile: &Buckets<Triangle>,
+        number: usize,
+        domain: Domain,
+        found: &mut Quality,
+    ) -> Result<()> {
+        let triangles = load(pile, number)?;
+        let (plan, has_space) = (self.plan, self.has_space);
+        quality::look(&Part { domain, triangles: &triangles, plan, has_space }, found);
+        Ok(())
+    }
+
+    fn too_crowded(&self, domain: Domain, triangles: u64, need: u64) -> Error {
+        let Rect { col, row, .. } = domain.rect;
+        let [x, y] = self.plan.world(Position::sample(i64::from(col), i64::from(row)));
+        let what = format!("{triangles} triangles share a place");
+        self.work.short(&what, need).at(format!("x {x}, y {y}"))
+    }
+}
+
+/// True when the domain owns a corner of the triangle.
+fn has_corner(domain: &Domain, triangle: &Triangle) -> bool {
+    triangle.positions().into_iter().any(|at| domain.owns(at))
+}

@@ -1,0 +1,178 @@
+//! A mesh spread over the domains of a layout through temporary files.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::Work;
+use super::vertices::{VertexCache, VertexCounts};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point3;
+use terrane_engine::workers;
+use terrane_files::{Buckets, Writer, lock};
+use terrane_proof::{Layout, Position, Snap, Triangle};
+
+/// Triangles a worker takes at a time.
+const BATCH: u64 = 2048;
+
+/// Which domains get a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reach {
+    /// Those that it may touch.
+    Touched,
+    /// Those that own a corner of it.
+    Corners,
+}
+
+impl Reach {
+    fn domains(self, layout: &Layout, triangle: &Triangle, out: &mut Vec<u64>) {
+        match self {
+            Self::Touched => layout.touched(triangle, |domain| out.push(domain)),
+            Self::Corners => {
+                out.extend(triangle.positions().map(|at| layout.owner(at)));
+                out.sort_unstable();
+                out.dedup();
+            }
+        }
+    }
+}
+
+/// Everything the mesh has, by the domains it touches.
+pub(super) struct Spread {
+    pub(super) layout: Layout,
+    /// Each triangle in every domain it may touch.
+    pub(super) triangles: Buckets<Triangle>,
+    /// Each vertex in the domain that owns it, where vertices have an identity.
+    pub(super) positions: Option<Buckets<Position>>,
+    /// How the vertices lie.
+    pub(super) counts: VertexCounts,
+    /// Triangles left out because of an unusable vertex.
+    pub(super) broken: u64,
+}
+
+impl Spread {
+    /// Reads the mesh once.
+    pub(super) fn fill(work: &Work<'_>, snapper: &impl Snap, layout: Layout) -> Result<Self> {
+        let info = work.mesh.info();
+        let positions = info.indexed.then(|| work.buckets(layout, work.memory / 2));
+        let triangles = work.buckets(layout, work.memory / 4);
+        let counts = VertexCounts::default();
+        let mut spread = Self { layout, triangles, positions, counts, broken: 0 };
+        work.progress.begin("vertices", info.vertices);
+        spread.counts = spread.fill_positions(work, snapper)?;
+        work.progress.end();
+        spread.broken = spread.fill_triangles(work, snapper, Reach::Touched)?;
+        Ok(spread)
+    }
+
+    /// Reads the triangles of the mesh once, and nothing else of it.
+    pub(super) fn of_triangles(
+        work: &Work<'_>,
+        snapper: &impl Snap,
+        layout: Layout,
+        reach: Reach,
+    ) -> Result<Self> {
+        let triangles = work.buckets(layout, work.memory / 4);
+        let counts = VertexCounts::default();
+        let mut spread = Self { layout, triangles, positions: None, counts, broken: 0 };
+        spread.broken = spread.fill_triangles(work, snapper, reach)?;
+        Ok(spread)
+    }
+
+    fn fill_positions(&self, work: &Work<'_>, snapper: &impl Snap) -> Result<VertexCounts> {
+        let all = Mutex::new(VertexCounts::default());
+        let pages = VertexCounts::pages(work.mesh);
+        let start = || {
+            let writer = self.positions.as_ref().map(Buckets::writer);
+            (VertexCounts::default(), writer, Vec::new())
+        };
+        type State<'s> = (VertexCounts, Option<Writer<'s, Position>>, Vec<Point3>);
+        let page = |(counts, writer, stored): &mut State<'_>, page: u64| {
+            counts.page(work.mesh, snapper, page, stored, |at| match writer {
+                Some(writer) => writer.push(self.layout.owner(at) as usize, at),
+                None => Ok(()),
+            })?;
+            work.progress.advance(stored.len() as u64);
+            Ok(())
+        };
+        let finish = |(counts, writer, _): State<'_>| {
+            lock(&all).merge(&counts);
+            writer.map_or(Ok(()), Writer::finish)
+        };
+        workers::run(work.threads, pages, &work.cancel, start, page, finish)?;
+        self.positions.as_ref().map_or(Ok(()), Buckets::settle)?;
+        Ok(*lock(&all))
+    }
+
+    fn fill_triangles<S: Snap>(&self, work: &Work<'_>, snapper: &S, reach: Reach) -> Result<u64> {
+        work.progress.begin("triangles", work.mesh.info().triangles);
+        let broken = AtomicU64::new(0);
+        let units = work.mesh.info().triangles.div_ceil(BATCH);
+        let start = || Filler {
+            layout: self.layout,
+            reach,
+            cache: VertexCache::new(work.mesh, *snapper, work.share / 2),
+            writer: self.triangles.writer(),
+            ids: Vec::new(),
+            touched: Vec::new(),
+            broken: 0,
+        };
+        let batch = |filler: &mut Filler<'_, S>, unit| filler.batch(work, unit * BATCH);
+        let finish = |filler: Filler<'_, S>| {
+            broken.fetch_add(filler.broken, Ordering::Relaxed);
+            filler.writer.finish()
+        };
+        workers::run(work.threads, units, &work.cancel, start, batch, finish)?;
+        self.triangles.settle()?;
+        work.progress.end();
+        Ok(broken.into_inner())
+    }
+
+    /// Bytes spilled.
+    pub(super) fn bytes(&self) -> u64 {
+        self.triangles.spilled() + self.positions.as_ref().map_or(0, Buckets::spilled)
+    }
+}
+
+/// One thread's part in spreading triangles over domains.
+struct Filler<'a, S> {
+    layout: Layout,
+    reach: Reach,
+    cache: VertexCache<'a, S>,
+    writer: Writer<'a, Triangle>,
+    ids: Vec<[u64; 3]>,
+    touched: Vec<u64>,
+    broken: u64,
+}
+
+impl<S: Snap> Filler<'_, S> {
+    /// Spreads the batch of triangles that begins with `first`.
+    fn batch(&mut self, work: &Work<'_>, first: u64) -> Result<()> {
+        let info = work.mesh.info();
+        let mut ids = std::mem::take(&mut self.ids);
+        ids.clear();
+        ids.resize((info.triangles - first).min(BATCH) as usize, [0; 3]);
+        work.mesh.read_triangles(first, &mut ids)?;
+        for (corners, number) in ids.iter().zip(first..) {
+            if let Some(&id) = corners.iter().find(|&&id| id >= info.vertices) {
+                let message = format!("refers to vertex {id} of {}", info.vertices);
+                return Err(Error::bad_input(message).at(format!("triangle {number}")));
+            }
+            self.spread(corners)?;
+        }
+        work.progress.advance(ids.len() as u64);
+        self.ids = ids;
+        Ok(())
+    }
+
+    fn spread(&mut self, &[a, b, c]: &[u64; 3]) -> Result<()> {
+        let corners = [self.cache.get(a)?, self.cache.get(b)?, self.cache.get(c)?];
+        let [Some(a), Some(b), Some(c)] = corners else {
+            self.broken += 1;
+            return Ok(());
+        };
+        let triangle = Triangle { corners: [a, b, c] };
+        self.touched.clear();
+        self.reach.domains(&self.layout, &triangle, &mut self.touched);
+        self.touched.iter().try_for_each(|&domain| self.writer.push(domain as usize, triangle))
+    }
+}

@@ -1,0 +1,179 @@
+//! Which tiles a folder has, and one tile read.
+
+use std::fs::{DirEntry, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use flate2::bufread::GzDecoder;
+
+use super::layer::NAME;
+use super::room::Room;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_engine::Cancel;
+use terrane_proof::tiles::{MOST_LEVEL, Tile, TileId};
+
+/// The ending of tiles.
+const ENDING: &str = ".terrain";
+
+/// The first bytes of a file packed with gzip.
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// Most bytes of a tile, packed or not.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// The tiles of a folder.
+#[derive(Debug, Default)]
+pub(super) struct Tiles {
+    /// Sorted.
+    pub(super) all: Vec<TileId>,
+    /// Those and the ones that are too many.
+    count: usize,
+    /// How many there is room for.
+    most: usize,
+    /// Files that are no tiles.
+    pub(super) strays: u64,
+    /// The first of them by name.
+    pub(super) first_stray: Option<PathBuf>,
+}
+
+impl Tiles {
+    /// None yet, of as many as there is room for.
+    pub(super) fn within(room: &Room) -> Self {
+        Self { most: room.tiles(), ..Self::default() }
+    }
+
+    /// Looks through a folder for tiles, which there has to be room for.
+    pub(super) fn find(folder: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
+        let mut found = Self::within(room);
+        for level in entries(folder)? {
+            let path = level.path();
+            match number(&level, "").filter(|&level| level <= u32::from(MOST_LEVEL)) {
+                Some(level) if path.is_dir() => found.level(&path, level as u8, cancel)?,
+                _ if level.file_name() == NAME => (),
+                _ => found.stray(path),
+            }
+        }
+        found.sorted(folder)
+    }
+
+    fn level(&mut self, folder: &Path, level: u8, cancel: &Cancel) -> Result<()> {
+        for column in entries(folder)? {
+            cancel.check()?;
+            let path = column.path();
+            match number(&column, "").filter(|_| path.is_dir()) {
+                Some(x) => self.column(&path, (level, x))?,
+                None => self.stray(path),
+            }
+        }
+        Ok(())
+    }
+
+    fn column(&mut self, folder: &Path, (level, x): (u8, u32)) -> Result<()> {
+        for row in entries(folder)? {
+            let id = number(&row, ENDING).and_then(|y| TileId::new(level, x, y));
+            match id.filter(|_| row.path().is_file()) {
+                Some(id) => self.add(id),
+                None => self.stray(row.path()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Of what does not fit all is counted.
+    pub(super) fn add(&mut self, id: TileId) {
+        self.count += 1;
+        if self.count <= self.most {
+            self.all.push(id);
+        }
+    }
+
+    /// The tiles in order.
+    ///
+    /// # Errors
+    /// More tiles in a folder than there is room for.
+    pub(super) fn sorted(mut self, folder: &Path) -> Result<Self> {
+        Room::check(self.count, self.most).map_err(|e| e.in_file(folder))?;
+        self.all.sort_unstable();
+        Ok(self)
+    }
+
+    pub(super) fn stray(&mut self, path: PathBuf) {
+        self.strays += 1;
+        self.first_stray = self.first_stray.take().into_iter().chain([path]).min();
+    }
+
+    /// The number of a tile among all.
+    pub(super) fn find_one(&self, id: TileId) -> Option<usize> {
+        self.all.binary_search(&id).ok()
+    }
+
+    /// The tiles of a level, as numbers.
+    pub(super) fn of_level(&self, level: u8) -> std::ops::Range<usize> {
+        let before = |level: u8| self.all.partition_point(|id| id.level < level);
+        before(level)..before(level + 1)
+    }
+}
+
+pub(super) fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
+    let all = std::fs::read_dir(folder).and_then(Iterator::collect);
+    all.map_err(|e| Error::read(folder, e))
+}
+
+/// The number that a name says in the one way it is written, before its ending.
+pub(super) fn number(entry: &DirEntry, ending: &str) -> Option<u32> {
+    let name = entry.file_name();
+    let digits = name.to_str()?.strip_suffix(ending)?;
+    digits.parse().ok().filter(|number: &u32| number.to_string() == digits)
+}
+
+/// Where a tile is.
+pub(super) fn path_of(folder: &Path, id: TileId) -> PathBuf {
+    folder.join(format!("{id}{ENDING}"))
+}
+
+/// Reads a tile of so many vertices as `fit`.
+///
+/// # Errors
+/// Files that cannot be read, are too large, are no gzip or have bytes after it, and whatever [`Tile::read`] finds.
+pub(super) fn read(
+    folder: &Path,
+    id: TileId,
+    fit: impl FnOnce(usize) -> Result<()>,
+) -> Result<(Tile, bool)> {
+    let path = path_of(folder, id);
+    let (bytes, is_packed) = bytes(&path)?;
+    let tile = Tile::read(&bytes, fit).map_err(|e| e.in_file(&path))?;
+    Ok((tile, is_packed))
+}
+
+/// The bytes of a file, unpacked, and whether they are packed in it.
+pub(super) fn bytes(path: &Path) -> Result<(Vec<u8>, bool)> {
+    let read = || -> Result<(Vec<u8>, bool)> {
+        let file = File::open(path).map_err(|e| Error::read(path, e))?;
+        let mut bytes = Vec::new();
+        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::read(path, e))?;
+        limits::check("length of the tile", bytes.len() as u64, MOST_BYTES)?;
+        match bytes.starts_with(&GZIP) {
+            true => Ok((unpacked(&bytes)?, true)),
+            false => Ok((bytes, false)),
+        }
+    };
+    read().map_err(|e| e.in_file(path))
+}
+
+/// The bytes that a gzip of one member holds.
+fn unpacked(packed: &[u8]) -> Result<Vec<u8>> {
+    let (mut unpacker, mut bytes) = (GzDecoder::new(packed), Vec::new());
+    let read = (&mut unpacker).take(MOST_BYTES + 1).read_to_end(&mut bytes);
+    limits::check("length of the unpacked tile", bytes.len() as u64, MOST_BYTES)?;
+    match read {
+        Ok(_) if unpacker.get_ref().is_empty() => Ok(bytes),
+        Ok(_) => Err(Error::bad_input("is not one gzip: bytes are left over after it")),
+        Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            let length = packed.len();
+            Err(Error::bad_input(format!("is truncated: its gzip ends after {length} bytes")))
+        }
+        Err(e) => Err(Error::bad_input(format!("is not a sound gzip: {e}"))),
+    }
+}

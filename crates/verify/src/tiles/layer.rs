@@ -1,0 +1,352 @@
+//! `layer.json`: what a set of tiles says of itself.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::room::Room;
+use super::three::{self, Three};
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_engine::Cancel;
+use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, TileId};
+use terrane_tiles::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
+
+/// The name of the file.
+pub(super) const NAME: &str = "layer.json";
+
+/// A file as it is written.
+#[derive(Debug, Deserialize)]
+struct Stored {
+    format: String,
+    scheme: Option<String>,
+    projection: Option<String>,
+    tiles: Vec<String>,
+    bounds: Option<[f64; 4]>,
+    #[serde(default)]
+    minzoom: u8,
+    maxzoom: Option<u8>,
+    available: Option<Vec<Vec<Range>>>,
+    #[serde(rename = "metadataAvailability")]
+    told_every: Option<u8>,
+    #[serde(default)]
+    extensions: Vec<String>,
+    terrane: Option<Own>,
+}
+
+/// A rectangle of tiles that are there.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Range {
+    start_x: u32,
+    start_y: u32,
+    end_x: u32,
+    end_y: u32,
+}
+
+/// What terrane says of its own sets.
+#[derive(Debug, Deserialize)]
+struct Own {
+    levels: Vec<Level>,
+    beyond: Option<String>,
+    heights: Option<String>,
+}
+
+/// A level as terrane says of its own sets.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct Level {
+    level: u8,
+    pub(super) tolerance: f64,
+    pub(super) step: f64,
+    pub(super) lattice: Option<f64>,
+    pub(super) skirt: Option<f64>,
+    pub(super) error: f64,
+    pub(super) tiles: u64,
+}
+
+/// What a set of tiles promises.
+#[derive(Debug)]
+pub(super) struct Layer {
+    /// The folder of the tiles.
+    pub(super) folder: PathBuf,
+    /// West, south, east and north in degrees.
+    pub(super) bounds: Option<[f64; 4]>,
+    pub(super) finest: u8,
+    /// By level.
+    pub(super) available: Vec<Vec<Range>>,
+    pub(super) has_normals: bool,
+    pub(super) has_metadata: bool,
+    /// Tiles have masks of water.
+    pub(super) has_water: bool,
+    /// Levels from one whose tiles tell what is below them to the next, where there are such.
+    pub(super) told_every: Option<u8>,
+    /// By level, where terrane made it.
+    pub(super) levels: Option<Vec<Level>>,
+    /// Metres that clients take level 0 to be off by.
+    pub(super) assumed: f64,
+    /// The ground beyond the raster falls to the ellipsoid.
+    pub(super) tapers: bool,
+    /// The geoid was added to heights; where it is said.
+    pub(super) has_geoid: Option<bool>,
+    /// Extensions that are named and not known here.
+    pub(super) unknown: Vec<String>,
+    pub(super) kind: Kind,
+}
+
+/// The format of a set.
+#[derive(Debug)]
+pub(super) enum Kind {
+    QuantizedMesh,
+    ThreeTiles(Three),
+}
+
+/// Where the file of a set would be: the path itself, or in it where that is a folder.
+pub(super) fn place(path: &Path) -> PathBuf {
+    match path.is_dir() {
+        true if path.join(three::NAME).is_file() && !path.join(NAME).exists() => {
+            path.join(three::NAME)
+        }
+        true => path.join(NAME),
+        false => path.to_path_buf(),
+    }
+}
+
+impl Layer {
+    /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, for
+    /// whose tiles there has to be room.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
+    /// projection; levels beyond the finest there may be.
+    pub(super) fn read(path: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
+        let path = place(path);
+        if path.file_name().is_some_and(|name| name == three::NAME) {
+            return three::read(&path, room, cancel);
+        }
+        let stored = stored(&path).map_err(|e| e.in_file(&path))?;
+        stored.layer(&path).map_err(|e| e.in_file(&path))
+    }
+
+    /// The tolerance of a level in metres: what it states, or else what clients assume.
+    pub(super) fn tolerance(&self, level: u8) -> f64 {
+        self.own(level).map_or(self.assumed(level), |own| own.tolerance)
+    }
+
+    /// Metres that borders of a level may be off by: what clients assume, or a step of heights where that is larger.
+    pub(super) fn apart(&self, level: u8) -> f64 {
+        self.assumed(level).max(self.own(level).map_or(0.0, |own| own.step))
+    }
+
+    /// Metres that clients take a level to be off by.
+    pub(super) fn assumed(&self, level: u8) -> f64 {
+        self.assumed / 2_f64.powi(i32::from(level))
+    }
+
+    /// The name of its file.
+    pub(super) fn name(&self) -> &'static str {
+        match self.kind {
+            Kind::QuantizedMesh => NAME,
+            Kind::ThreeTiles(_) => three::NAME,
+        }
+    }
+
+    /// What only 3D Tiles have.
+    pub(super) fn three(&self) -> Option<&Three> {
+        match &self.kind {
+            Kind::QuantizedMesh => None,
+            Kind::ThreeTiles(three) => Some(three),
+        }
+    }
+
+    /// What terrane says of a level.
+    pub(super) fn own(&self, level: u8) -> Option<Level> {
+        self.levels.as_ref()?.get(usize::from(level)).copied()
+    }
+
+    /// Tiles of a level that are said to be there, by rectangles; some may come twice.
+    pub(super) fn available(&self, level: u8) -> impl Iterator<Item = TileId> {
+        let ranges = self.available.get(usize::from(level)).into_iter().flatten();
+        tiles_of(level, ranges)
+    }
+}
+
+impl Range {
+    /// One tile.
+    pub(super) fn one(id: TileId) -> Self {
+        Self { start_x: id.x, start_y: id.y, end_x: id.x, end_y: id.y }
+    }
+
+    /// How many tiles it has; none where it ends before it begins.
+    pub(super) fn count(&self) -> u64 {
+        let along = |start: u32, end: u32| (u64::from(end) + 1).saturating_sub(u64::from(start));
+        along(self.start_x, self.end_x).saturating_mul(along(self.start_y, self.end_y))
+    }
+}
+
+/// The tiles of rectangles, in their order.
+pub(super) fn tiles_of<'a>(
+    level: u8,
+    ranges: impl IntoIterator<Item = &'a Range>,
+) -> impl Iterator<Item = TileId> {
+    ranges.into_iter().flat_map(move |range| {
+        let rows = range.start_y..=range.end_y;
+        rows.flat_map(move |y| (range.start_x..=range.end_x).map(move |x| TileId { level, y, x }))
+    })
+}
+
+/// The text of the file of a set.
+pub(super) fn text_of(path: &Path) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(|e| Error::read(path, e))?;
+    let mut text = Vec::new();
+    let most = limits::MAX_HEADER_BYTES;
+    file.take(most + 1).read_to_end(&mut text).map_err(|e| Error::read(path, e))?;
+    limits::check("length of the file", text.len() as u64, most).map_err(|e| e.in_file(path))?;
+    Ok(text)
+}
+
+fn stored(path: &Path) -> Result<Stored> {
+    let text = text_of(path)?;
+    serde_json::from_slice(&text).map_err(|e| {
+        Error::bad_input(format!("does not describe a set of terrain tiles: {e}"))
+            .remedy("name the folder of a set, or its layer.json")
+    })
+}
+
+impl Stored {
+    fn layer(self, path: &Path) -> Result<Layer> {
+        self.check_kind()?;
+        let Some(available) = self.available else {
+            return Err(Error::bad_input("does not say which tiles are available"));
+        };
+        let listed = u8::try_from(available.len()).unwrap_or(u8::MAX).saturating_sub(1);
+        let finest = self.maxzoom.unwrap_or(listed);
+        limits::check("maxzoom", u64::from(finest), u64::from(MOST_LEVEL))?;
+        if self.minzoom != 0 || usize::from(finest) + 1 != available.len() {
+            let message = format!(
+                "has levels {} to {finest}, and tiles available of {} levels",
+                self.minzoom,
+                available.len()
+            );
+            return Err(Error::bad_input(message).remedy("levels begin with 0 and are all there"));
+        }
+        (0..).zip(&available).try_for_each(|(level, ranges)| check_ranges(level, ranges))?;
+        let beyond = self.terrane.as_ref().and_then(|own| own.beyond.as_deref());
+        let tapers = check_beyond(beyond)?;
+        let heights = self.terrane.as_ref().and_then(|own| own.heights.as_deref());
+        let has_geoid = check_heights(heights)?;
+        let levels = self.terrane.map(|own| check_levels(own.levels, finest)).transpose()?;
+        if self.told_every == Some(0) {
+            return Err(Error::bad_input("has tiles tell of what is below them every 0 levels"));
+        }
+        const KNOWN: [&str; 3] = ["octvertexnormals", "metadata", "watermask"];
+        let announces = |name: &str| self.extensions.iter().any(|own| own == name);
+        let unknown = self.extensions.iter().filter(|name| !KNOWN.contains(&name.as_str()));
+        Ok(Layer {
+            folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
+            bounds: self.bounds,
+            finest,
+            available,
+            unknown: unknown.cloned().collect(),
+            has_normals: announces(KNOWN[0]),
+            has_metadata: announces(KNOWN[1]),
+            has_water: announces(KNOWN[2]),
+            told_every: self.told_every,
+            levels,
+            assumed: ERROR_OF_ROOT,
+            tapers,
+            has_geoid,
+            kind: Kind::QuantizedMesh,
+        })
+    }
+
+    fn check_kind(&self) -> Result<()> {
+        let refuse = |what: &str, found: &str, known: &str| {
+            let message = format!("has the {what} \"{found}\", and only \"{known}\" can be proved");
+            Err(Error::unsupported(message))
+        };
+        let is = |found: &Option<String>, known| found.as_deref().unwrap_or(known) == known;
+        if self.format != "quantized-mesh-1.0" {
+            return refuse("format", &self.format, "quantized-mesh-1.0");
+        }
+        if !is(&self.scheme, "tms") {
+            return refuse("scheme", self.scheme.as_deref().unwrap_or_default(), "tms");
+        }
+        if !is(&self.projection, "EPSG:4326") {
+            let found = self.projection.as_deref().unwrap_or_default();
+            return refuse("projection", found, "EPSG:4326");
+        }
+        let known = "{z}/{x}/{y}.terrain";
+        match self.tiles.first().map(|all| all.split('?').next().unwrap_or_default()) {
+            Some(found) if found.trim_start_matches("./") == known => Ok(()),
+            Some(found) => refuse("address of tiles", found, known),
+            None => Err(Error::bad_input("does not say where tiles are")),
+        }
+    }
+}
+
+fn check_ranges(level: u8, ranges: &[Range]) -> Result<()> {
+    let is_right = |range: &&Range| {
+        let end = TileId::new(level, range.end_x, range.end_y);
+        end.is_some() && range.start_x <= range.end_x && range.start_y <= range.end_y
+    };
+    match ranges.iter().find(|range| !is_right(range)) {
+        None => Ok(()),
+        Some(range) => Err(Error::bad_input(format!(
+            "has columns {} to {} and rows {} to {} available, which level {level} does not have",
+            range.start_x, range.end_x, range.start_y, range.end_y
+        ))),
+    }
+}
+
+/// Whether the ground beyond the raster falls, as terrane says it.
+///
+/// # Errors
+/// Another word than terrane has for it.
+pub(super) fn check_beyond(beyond: Option<&str>) -> Result<bool> {
+    match beyond {
+        None | Some("level") => Ok(false),
+        Some("taper") => Ok(true),
+        Some(other) => {
+            let message = format!("states {other:?} of the ground beyond the raster");
+            Err(Error::unsupported(message).remedy("taper and level are known"))
+        }
+    }
+}
+
+/// Whether a geoid was added to the heights, of what a set says that they are counted from.
+///
+/// # Errors
+/// Another word than terrane has for it.
+pub(super) fn check_heights(heights: Option<&str>) -> Result<Option<bool>> {
+    let known = [WITH_GEOID, ON_ELLIPSOID, AS_GIVEN];
+    match heights {
+        Some(other) if !known.contains(&other) => {
+            let message = format!("states {other:?} of what heights are counted from");
+            Err(Error::unsupported(message).remedy(format!("known are: {}", known.join("; "))))
+        }
+        _ => Ok(heights.map(|heights| heights == WITH_GEOID)),
+    }
+}
+
+/// What terrane says of levels: each once, down to the finest, and numbers that can be.
+pub(super) fn check_levels(mut levels: Vec<Level>, finest: u8) -> Result<Vec<Level>> {
+    levels.sort_by_key(|level| level.level);
+    let is_each = levels.iter().map(|level| level.level).eq(0..=finest);
+    if !is_each {
+        return Err(Error::bad_input("does not state each of its levels once"));
+    }
+    let numbers = |own: &Level| {
+        let [lattice, skirt] = [own.lattice, own.skirt].map(Option::unwrap_or_default);
+        [own.tolerance, own.step, lattice, skirt, own.error]
+    };
+    let is_bad = |value: &f64| !value.is_finite() || *value < 0.0;
+    match levels.iter().find(|own| numbers(own).iter().any(is_bad)) {
+        Some(own) => Err(Error::bad_input(format!(
+            "states a tolerance, step, skirt or error of level {} that is none",
+            own.level
+        ))),
+        None => Ok(levels),
+    }
+}

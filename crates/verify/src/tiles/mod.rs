@@ -1,0 +1,205 @@
+//! Proves a set of terrain tiles (quantized-mesh or 3D Tiles in a geodetic pyramid) against the raster it was made of.
+//!
+//! Two passes: over the tiles, each by itself and beside its neighbours; and over the raster, each sample against
+//! the surfaces of all levels ([`terrane_proof::tiles`]). Nothing in the report but times and memory depends on
+//! threads, memory budget, or the order of work.
+
+mod alone;
+mod below;
+mod cache;
+mod folder;
+mod layer;
+mod place;
+mod report;
+mod room;
+mod shore;
+mod sweep;
+mod three;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use self::folder::Tiles;
+use self::layer::{Kind, Layer};
+use self::place::Places;
+use self::room::{Divided, Room};
+use super::options::{CloudTilesProof, Proving, TilesProof};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::figures::Figures;
+use terrane_engine::memory::{cache_beside, too_little, with_polygons};
+use terrane_engine::options::GridInput;
+use terrane_engine::proof::Written;
+use terrane_proof::tiles::{Shore, Tile, TileId};
+use terrane_raster::{self as raster, Water};
+use terrane_tiles::GroundModel;
+
+pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
+
+/// Least memory that a proof can work in.
+const LEAST_MEMORY: u64 = 32 << 20;
+
+/// Metres by which a distance may be larger than what it is held to: rounding.
+pub const ROUNDING: f64 = 1e-6;
+
+/// True for a folder with a `layer.json` or `tileset.json`, and for such a file.
+pub fn is_tiles(path: &Path) -> bool {
+    let place = layer::place(path);
+    let is_it = |name: &std::ffi::OsStr| name == layer::NAME || name == three::NAME;
+    place.file_name().is_some_and(is_it) && place.is_file()
+}
+
+/// Proves a set of tiles. An error means that it could not be done; a set that breaks a promise is no error, but
+/// a report whose verdict has not `passed`.
+///
+/// # Errors
+/// A `layer.json` or `tileset.json` of another kind of tiles; a raster whose place
+/// on the globe is not known, that reaches beyond the world or has no valid sample; too little memory for the number of
+/// tiles or the vertices of one. A tile that cannot be decoded is a fault, and the others are proved.
+pub(super) fn verify_tiles(
+    job: &Proving<'_, TilesProof>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesVerifyReport> {
+    let start = Instant::now();
+    check_memory(&job.options.resources)?;
+    let mut room = Room::new(&job.options.resources);
+    let layer = Layer::read(&job.written.file, &room, cancel)?;
+    let tiles = match &layer.kind {
+        Kind::QuantizedMesh => Tiles::find(&layer.folder, &room, cancel)?,
+        Kind::ThreeTiles(three) => three.find(&layer.folder, &room, cancel)?,
+    };
+    room.take_tiles(tiles.all.len());
+    let name = job.written.original.to_string();
+    let of_raster = |e: Error| e.in_file(Path::new(&name));
+    let options = job
+        .options
+        .grid
+        .options(&job.options.resources, cache_beside(job.options.resources.memory))?;
+    let grid = raster::open_all(job.written.original.names(), &options)?;
+    super::check_grid(&*grid).map_err(of_raster)?;
+    let places = Places::of(&*grid, job.options.geoid.as_deref(), &job.options.resources)
+        .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
+    let water = options.water.as_ref().filter(|_| layer.has_water);
+    let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &room);
+    let shore = water.map(shore).transpose()?;
+    room.take(shore.as_ref().map_or(0, Shore::bytes));
+    let room = room.divided(&places, job.options.resources.threads);
+    let (layer, tiles, room, steep) = (&layer, &tiles, &room, 0.0);
+    let mut context = Context { layer, tiles, places, shore, steep, progress, cancel, room };
+    let (sweep, under) = sweep::check(&context)?;
+    if sweep.valid == 0 {
+        return Err(of_raster(Error::bad_input("has no valid sample")));
+    }
+    context.steep = sweep.steep(context.places.spacing());
+    let (alone, records) = alone::check(&context)?;
+    let found = report::Found { alone, records, sweep, under };
+    let mut report = report::report(&context, &found, &grid.info().crs);
+    (report.tiles, report.raster) = (job.written.file.display().to_string(), name);
+    let figures = Figures::since(start, &job.options.resources);
+    report.run = figures.with_threads(room.threads);
+    report.samples_per_second = report.run.rate(report.measured);
+    Ok(report)
+}
+
+/// Proves a set of tiles of a cloud against the model of its ground, which is made again in the folder for what does
+/// not fit into memory, or beside the set. What is promised is about samples
+/// of the model: how far points are from them, nobody says.
+///
+/// # Errors
+/// Those of [`verify_tiles`], and of making the model.
+pub(super) fn verify_tiles_of_cloud(
+    job: &Proving<'_, CloudTilesProof>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesVerifyReport> {
+    let CloudTilesProof { geoid, water, model, cloud, resources } = job.options;
+    check_memory(resources)?;
+    let (input, cloud) = (job.written.original.clone(), cloud.options(resources)?);
+    let model = GroundModel { input, cloud, model: model.clone() };
+    let made = model.make(&job.written.file, resources, progress, cancel)?;
+    let report = with_polygons(&model.cloud, resources, |resources| {
+        let written = Written { file: job.written.file.clone(), original: made.inputs.clone() };
+        // Points are within bounds and polygons, and the model is whole.
+        let grid = GridInput::with_water(water.clone());
+        let options = TilesProof { geoid: geoid.clone(), grid, resources };
+        verify_tiles(&Proving { written: &written, options: &options }, progress, cancel)
+    });
+    let mut report = report.map_err(|error| made.renamed(error))?;
+    report.run.memory_budget = resources.memory;
+    Ok(TilesVerifyReport { notes: [made.notes, report.notes].concat(), ..report })
+}
+
+fn check_memory(resources: &Resources) -> Result<()> {
+    if resources.memory >= LEAST_MEMORY {
+        return Ok(());
+    }
+    Err(too_little(resources.memory, LEAST_MEMORY))
+}
+
+/// The error of a tile that cannot be decoded, in place of the tile; others end the proof.
+fn decoded<T>(read: Result<T>) -> Result<std::result::Result<T, Error>> {
+    match read {
+        Ok(found) => Ok(Ok(found)),
+        Err(e) => match e.kind() {
+            ErrorKind::BadInput | ErrorKind::Unsupported | ErrorKind::Limit => Ok(Err(e)),
+            _ => Err(e),
+        },
+    }
+}
+
+/// What both passes need to know.
+struct Context<'a> {
+    layer: &'a Layer,
+    tiles: &'a Tiles,
+    places: Places<'a>,
+    /// What masks of water are held to.
+    shore: Option<Shore>,
+    /// Metres that heights of steep ground are apart; none where it is not steep.
+    steep: f64,
+    progress: &'a dyn Progress,
+    cancel: &'a Cancel,
+    room: &'a Divided,
+}
+
+impl Context<'_> {
+    /// A tile, and whether its file is packed.
+    fn read(&self, id: TileId) -> Result<(Tile, bool)> {
+        let folder = &self.layer.folder;
+        let fit = |vertices| self.room.fit(vertices);
+        match (self.layer.three(), self.layer.own(id.level)) {
+            (Some(three), Some(level)) => three.read(folder, id, level, fit),
+            _ => folder::read(folder, id, fit),
+        }
+    }
+
+    /// The distance that samples of a level are held to.
+    fn limit(&self, level: u8) -> f64 {
+        self.layer.tolerance(level) + ROUNDING
+    }
+
+    /// The error that a tile of a level may record: of 3D Tiles also that of one below it.
+    fn most_recorded(&self, level: u8) -> f64 {
+        let finest = if self.layer.three().is_some() { self.layer.finest } else { level };
+        (level..=finest).map(|level| self.limit(level)).fold(0.0, f64::max)
+    }
+
+    /// The gap that borders between a level and the next coarser one are held to. Positions are rounded to steps, which
+    /// steep ground makes heights of.
+    fn allowed_gap(&self, level: u8) -> f64 {
+        let of = |level: u8| {
+            let part = (4.0 * self.places.samples_of_step(level)).min(1.0);
+            if self.steep > 0.0 { self.steep * part } else { 0.0 }
+        };
+        self.assumed_gap(level) + of(level) + level.checked_sub(1).map_or(0.0, of) + ROUNDING
+    }
+
+    /// The errors together that clients assume of a level and the next coarser one.
+    fn assumed_gap(&self, level: u8) -> f64 {
+        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.apart(level));
+        self.layer.apart(level) + coarser
+    }
+}

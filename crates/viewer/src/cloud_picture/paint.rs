@@ -1,0 +1,326 @@
+//! Cells to pixels, and the legend below them.
+
+use super::voids::Found;
+use super::{Map, Shows};
+use crate::render::{Field, Tint, class_colour, text_size, write_text};
+use terrane_base::geom::Frame;
+use terrane_cloud::{CloudInfo, class_name};
+
+/// Sides of a picture that is not enlarged are longer than half of this.
+const SMALL: usize = 800;
+/// Least columns, so that the legend fits.
+const LEAST: usize = 480;
+/// Pixels of a dot of a letter, between lines of the legend, of its bar and swatches.
+const DOT: usize = 2;
+const LEADING: usize = 7;
+const BAR: usize = 16;
+const MARGIN: usize = 10;
+const PAPER: [u8; 4] = [255; 4];
+const INK: [u8; 4] = [26, 33, 51, 255];
+const CLEAR: [u8; 4] = [0; 4];
+/// Colours of densities, low to high.
+const DENSITIES: [[u8; 3]; 6] =
+    [[250, 240, 206], [186, 214, 150], [96, 172, 152], [44, 118, 152], [46, 66, 126], [44, 20, 70]];
+const FILLED: [u8; 3] = [206, 216, 210];
+const VOID: [u8; 3] = [200, 54, 48];
+/// Cells of a hundred that the colours of densities do not tell apart, at the upper end.
+const BEYOND: usize = 2;
+
+/// A picture and its legend.
+pub(super) struct Sheet<'a> {
+    map: &'a Map,
+    found: &'a Found,
+    colours: Colours,
+    /// Pixels along the side of a cell.
+    zoom: usize,
+    width: usize,
+    legend: Vec<[u8; 4]>,
+}
+
+/// What cells are coloured by.
+enum Colours {
+    /// Points of a cell that have the last colour.
+    Density(f64),
+    Voids,
+    Height(Tint, Frame),
+    Class,
+}
+
+/// A line of the legend.
+enum Line {
+    /// 256 colours from side to side.
+    Bar(Vec<[u8; 3]>),
+    /// At the left and at the right.
+    Text(String, String),
+    /// A colour and what it is.
+    Swatch([u8; 3], String),
+}
+
+impl<'a> Sheet<'a> {
+    pub(super) fn new(map: &'a Map, found: &'a Found, shows: Shows, info: &CloudInfo) -> Self {
+        let [columns, rows] = map.cells.size;
+        let zoom = (SMALL / columns.max(rows)).max(1);
+        let width = (columns * zoom).max(LEAST);
+        let colours = Colours::new(map, shows, &info.frame);
+        let lines = colours.lines(map, found, info);
+        let legend = legend(&lines, width);
+        Self { map, found, colours, zoom, width, legend }
+    }
+
+    /// Columns and rows.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.width, self.map.cells.size[1] * self.zoom + self.legend.len() / self.width]
+    }
+
+    /// Fills a row of pixels.
+    pub(super) fn row(&self, row: usize, line: &mut [u8]) {
+        let [columns, rows] = self.map.cells.size;
+        let (pixels, _) = line.as_chunks_mut::<4>();
+        if row >= rows * self.zoom {
+            let from = (row - rows * self.zoom) * self.width;
+            pixels.copy_from_slice(&self.legend[from..from + self.width]);
+            return;
+        }
+        for (col, pixel) in pixels.iter_mut().enumerate() {
+            let place = [col / self.zoom, row / self.zoom];
+            *pixel = if place[0] < columns { self.cell(place) } else { CLEAR };
+        }
+    }
+
+    fn cell(&self, [col, row]: [usize; 2]) -> [u8; 4] {
+        let cell = row * self.map.cells.size[0] + col;
+        match (self.map.is_filled(cell), &self.colours) {
+            (true, colours) => opaque(colours.of(self.map, cell)),
+            (false, Colours::Voids) if self.found.is_inside([col, row]) => opaque(VOID),
+            (false, _) => CLEAR,
+        }
+    }
+}
+
+impl Colours {
+    fn new(map: &Map, shows: Shows, frame: &Frame) -> Self {
+        match shows {
+            Shows::Density => Self::Density(dense(map)),
+            Shows::Voids => Self::Voids,
+            Shows::Class => Self::Class,
+            Shows::Height => {
+                let height = |cell| match map.is_filled(cell) {
+                    true => height(frame, map.top(cell).0),
+                    false => f32::NAN,
+                };
+                let z = (0..map.counts.len()).map(height).collect();
+                let [width, height] = map.cells.size;
+                Self::Height(Tint::of(&Field { width, height, z }), *frame)
+            }
+        }
+    }
+
+    /// Of a cell with points.
+    fn of(&self, map: &Map, cell: usize) -> [u8; 3] {
+        match self {
+            Self::Density(most) => between(map.counts[cell] as f64 / most),
+            Self::Voids => FILLED,
+            Self::Height(tint, frame) => rounded(tint.colour(height(frame, map.top(cell).0))),
+            Self::Class => class_colour(map.top(cell).1),
+        }
+    }
+
+    fn lines(&self, map: &Map, found: &Found, info: &CloudInfo) -> Vec<Line> {
+        let unit = info.crs.horizontal_unit();
+        let cells = Line::Text(format!("cells of {} {unit}", map.cells.side), String::new());
+        match self {
+            Self::Density(most) => vec![
+                Line::Bar((0..256).map(|i| between(f64::from(i) / 255.0)).collect()),
+                Line::Text("0".to_owned(), format!("{} and more", short(most / map.cells.area()))),
+                Line::Text(format!("points per square {unit}"), String::new()),
+                cells,
+            ],
+            Self::Voids => {
+                let percent = short(100.0 * found.voids.share);
+                let (filled, voids) = (map.filled(), found.voids.cells);
+                vec![
+                    Line::Swatch(FILLED, format!("{filled} cells with points")),
+                    Line::Swatch(VOID, format!("{voids} cells without, {percent} percent")),
+                    cells,
+                ]
+            }
+            Self::Height(tint, _) => {
+                let (low, high) = ends(map, &info.frame);
+                let at = |i: u16| low + (high - low) * f64::from(i) / 255.0;
+                vec![
+                    Line::Bar((0..256).map(|i| rounded(tint.colour(at(i) as f32))).collect()),
+                    Line::Text(short(low), short(high)),
+                    Line::Text("highest points".to_owned(), String::new()),
+                    cells,
+                ]
+            }
+            Self::Class => {
+                let mut counts = [0u64; 256];
+                let filled = (0..map.counts.len()).filter(|cell| map.is_filled(*cell));
+                filled.for_each(|cell| counts[usize::from(map.top(cell).1)] += 1);
+                let there = (0..=255u8).filter(|class| counts[usize::from(*class)] > 0);
+                let swatch = |class: u8| {
+                    Line::Swatch(class_colour(class), format!("{class} {}", class_name(class)))
+                };
+                let highest = Line::Text("class of highest points".to_owned(), String::new());
+                there.map(swatch).chain([highest, cells]).collect()
+            }
+        }
+    }
+}
+
+fn height(frame: &Frame, steps: i32) -> f32 {
+    (f64::from(steps) * frame.scale[2] + frame.offset[2]) as f32
+}
+
+/// The lowest and highest of the highest points.
+fn ends(map: &Map, frame: &Frame) -> (f64, f64) {
+    let filled = (0..map.counts.len()).filter(|cell| map.is_filled(*cell));
+    let heights = filled.map(|cell| f64::from(height(frame, map.top(cell).0)));
+    heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)))
+}
+
+/// Points of a cell that but a few cells have more of.
+fn dense(map: &Map) -> f64 {
+    let mut counts: Vec<u64> = map.counts.iter().copied().filter(|count| *count > 0).collect();
+    let at = (counts.len() - counts.len() * BEYOND / 100).saturating_sub(1);
+    counts.select_nth_unstable(at).1.max(&mut 1).to_owned() as f64
+}
+
+/// A colour of densities, at 0 to 1.
+fn between(at: f64) -> [u8; 3] {
+    let place = at.clamp(0.0, 1.0) * (DENSITIES.len() - 1) as f64;
+    let stop = (place as usize).min(DENSITIES.len() - 2);
+    let mix = place - stop as f64;
+    let [from, to] = [DENSITIES[stop], DENSITIES[stop + 1]];
+    std::array::from_fn(|i| {
+        let (from, to) = (f64::from(from[i]), f64::from(to[i]));
+        (from + (to - from) * mix).round() as u8
+    })
+}
+
+fn rounded(colour: [f32; 3]) -> [u8; 3] {
+    colour.map(|channel| (channel * 255.0).round() as u8)
+}
+
+fn opaque([red, green, blue]: [u8; 3]) -> [u8; 4] {
+    [red, green, blue, 255]
+}
+
+/// A number in few digits, with no letter that the legend cannot write.
+fn short(value: f64) -> String {
+    let digits = (2 - value.abs().max(1e-6).log10().floor() as i32).clamp(0, 6) as usize;
+    let text = format!("{value:.digits$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+/// Lines on paper, as wide as the picture.
+fn legend(lines: &[Line], width: usize) -> Vec<[u8; 4]> {
+    let step = |line: &Line| {
+        LEADING + if matches!(line, Line::Text(..)) { text_size("", DOT)[1] } else { BAR + 2 }
+    };
+    let rows = lines.iter().map(step).sum::<usize>() + MARGIN + LEADING;
+    let mut paper = vec![PAPER; width * rows];
+    let mut top = MARGIN;
+    for line in lines {
+        draw(line, &mut paper, width, top);
+        top += step(line);
+    }
+    paper
+}
+
+fn draw(line: &Line, paper: &mut [[u8; 4]], width: usize, top: usize) {
+    let right = width - MARGIN;
+    match line {
+        Line::Bar(colours) => {
+            for col in MARGIN..right {
+                let colour = colours[(col - MARGIN) * colours.len() / (right - MARGIN)];
+                (top..top + BAR).for_each(|row| paper[row * width + col] = opaque(colour));
+            }
+        }
+        Line::Text(left, other) => {
+            write(left, paper, width, [MARGIN, top]);
+            let from = right.saturating_sub(text_size(other, DOT)[0]);
+            write(other, paper, width, [from, top]);
+        }
+        Line::Swatch(colour, text) => {
+            let square = (0..BAR * BAR).map(|i| [MARGIN + i % BAR, top + i / BAR]);
+            square.for_each(|[col, row]| paper[row * width + col] = opaque(*colour));
+            write(text, paper, width, [MARGIN + BAR + LEADING, top]);
+        }
+    }
+}
+
+fn write(text: &str, paper: &mut [[u8; 4]], width: usize, [left, top]: [usize; 2]) {
+    write_text(text, DOT, |col, row| {
+        let col = left + col;
+        if let Some(pixel) = paper.get_mut((top + row) * width + col).filter(|_| col < width) {
+            *pixel = INK;
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::map;
+    use super::super::voids::find;
+    use super::*;
+    use terrane_base::geom::Crs;
+
+    fn info() -> CloudInfo {
+        let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
+        CloudInfo { frame, bounds: None, count: 0, crs: Crs::default() }
+    }
+
+    /// The pixels in the middle of cells.
+    fn painted(map: &Map, shows: Shows) -> Vec<[u8; 4]> {
+        let found = find(map);
+        let sheet = Sheet::new(map, &found, shows, &info());
+        let [width, rows] = sheet.size();
+        let mut line = vec![0; width * 4];
+        // No row of the picture fails.
+        (0..rows).for_each(|row| sheet.row(row, &mut line));
+        let [columns, rows] = map.cells.size;
+        let middles = (0..columns * rows)
+            .map(|i| [i % columns, i / columns].map(|k| k * sheet.zoom + sheet.zoom / 2));
+        let pixel = |[col, row]: [usize; 2]| {
+            let mut line = vec![0; width * 4];
+            sheet.row(row, &mut line);
+            [0, 1, 2, 3].map(|k| line[4 * col + k])
+        };
+        middles.map(pixel).collect()
+    }
+
+    #[test]
+    fn cells_have_the_colours_of_what_is_shown() {
+        let map = map(&[&[1, 2, 0], &[0, 0, 9], &[3, 0, 4]]);
+        let density = painted(&map, Shows::Density);
+        assert_eq!(density[2], CLEAR, "outside");
+        assert_eq!(density[4], CLEAR, "a void");
+        assert_eq!(density[5], opaque(DENSITIES[5]), "the densest");
+        assert!(density[0][0] > density[1][0] && density[1][0] > density[6][0], "{density:?}");
+        let voids = painted(&map, Shows::Voids);
+        assert_eq!([voids[0], voids[4], voids[2]], [opaque(FILLED), opaque(VOID), CLEAR]);
+        let classes = painted(&map, Shows::Class);
+        assert_eq!([classes[0], classes[1]], [1, 2].map(|class| opaque(class_colour(class))));
+        let heights = painted(&map, Shows::Height);
+        let land = crate::render::palette()[0];
+        assert_eq!([heights[5], heights[2]], [opaque(land[land.len() - 1]), CLEAR]);
+    }
+
+    #[test]
+    fn legends_fit_and_numbers_are_short() {
+        assert_eq!(
+            [0.0, 12.345, 1234.5, 0.012, -4.5].map(short),
+            ["0", "12.3", "1234", "0.012", "-4.5"]
+        );
+        let lines =
+            [Line::Text("x".repeat(400), "y".repeat(400)), Line::Swatch(VOID, "z".repeat(400))];
+        let paper = legend(&lines, LEAST);
+        assert_eq!(paper.len() % LEAST, 0);
+        assert!(paper.contains(&INK) && paper.contains(&opaque(VOID)));
+    }
+}

@@ -1,0 +1,10 @@
+//! Pages to look at data in: one HTML file each, that holds all it shows and loads nothing.
+//!
+//! A page is a [`Template`] (markup, style and scripts of `web/`, all our own), facts as JSON, and arrays of
+//! whole numbers, packed ([`pack`]). Its Content-Security-Policy lets only its own script run and nothing be
+//! fetched; every text from outside is escaped where it is put in.
+
+pub mod pack;
+mod parts;
+
+pub use parts::{Page, TEMPLATES, Template, escape};

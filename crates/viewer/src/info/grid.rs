@@ -1,0 +1,110 @@
+//! What a grid is, what is odd about it, and what a TIN of it would take.
+
+use serde::Serialize;
+
+use super::details;
+use terrane_engine::input::GridStats;
+use terrane_raster::{GridInfo, Note, notes, notes_on_heights};
+use terrane_terrain::tin::Cost;
+
+/// What is known of a grid.
+#[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct GridInfoReport {
+    pub file: String,
+    pub format: &'static str,
+    pub width: u32,
+    pub height: u32,
+    pub samples: u64,
+    pub sample_type: &'static str,
+    pub bands: u32,
+    pub band: u32,
+    pub nodata: Option<f64>,
+    pub scale: f64,
+    pub offset: f64,
+    pub crs: String,
+    pub epsg: Option<u32>,
+    pub vertical_epsg: Option<u32>,
+    pub horizontal_unit: &'static str,
+    pub vertical_unit: Option<String>,
+    pub georeferenced: bool,
+    pub pixel_is_point: bool,
+    /// As GDAL has it: of the outer corner of cell (0, 0).
+    pub geotransform: [f64; 6],
+    pub cell_size: [f64; 2],
+    /// West, south, east, north of the samples.
+    pub sample_bounds: [f64; 4],
+    /// West, south, east, north of the cells around them.
+    pub bounds: [f64; 4],
+    pub block: [u32; 2],
+    pub details: serde_json::Map<String, serde_json::Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stats: Option<GridStats>,
+    /// What a TIN of it would take; absent where it has no cell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tin: Option<Cost>,
+    pub notes: Vec<Note>,
+}
+
+impl GridInfoReport {
+    pub(super) fn new(
+        file: &str,
+        info: &GridInfo,
+        stats: Option<GridStats>,
+        tin: Option<Cost>,
+    ) -> Self {
+        let map = &info.transform;
+        Self {
+            file: file.to_owned(),
+            format: info.format,
+            width: info.width,
+            height: info.height,
+            samples: u64::from(info.width) * u64::from(info.height),
+            sample_type: info.sample_type.name(),
+            bands: info.bands,
+            band: info.band,
+            nodata: info.nodata,
+            scale: info.scale,
+            offset: info.offset,
+            crs: info.crs.label(),
+            epsg: info.crs.epsg,
+            vertical_epsg: info.crs.vertical_epsg,
+            horizontal_unit: info.crs.horizontal_unit(),
+            vertical_unit: info.crs.vertical_unit.clone(),
+            georeferenced: info.georeferenced,
+            pixel_is_point: info.pixel_is_point,
+            geotransform: map.to_gdal(),
+            cell_size: [map.a.hypot(map.d), map.b.hypot(map.e)],
+            sample_bounds: bounds(info, 0.0),
+            bounds: bounds(info, 0.5),
+            block: [info.block.0, info.block.1],
+            details: details(&info.details),
+            notes: all_notes(info, stats.as_ref()),
+            stats,
+            tin,
+        }
+    }
+}
+
+/// Notes on what the file says, and on its heights where they were read.
+fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<Note> {
+    let samples = u64::from(info.width) * u64::from(info.height);
+    let on_heights = stats.map(|stats| {
+        let suspects = stats.suspected_nodata.map(|stored| (stored, stats.at_min));
+        let range = stats.min.zip(stats.max).map(|(low, high)| [low, high]);
+        notes_on_heights(info, (samples, stats.valid), range, suspects)
+    });
+    notes(info).into_iter().chain(on_heights.into_iter().flatten()).collect()
+}
+
+/// World rectangle around the samples, widened by `margin` cells.
+fn bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
+    let (right, bottom) =
+        (f64::from(info.width) - 1.0 + margin, f64::from(info.height) - 1.0 + margin);
+    let corners = [(-margin, -margin), (right, -margin), (-margin, bottom), (right, bottom)];
+    let world = corners.map(|(col, row)| info.transform.apply(col, row));
+    let low = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+    let high = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+    [low(0), low(1), high(0), high(1)]
+}

@@ -1,0 +1,261 @@
+//! What a file is: grids, meshes, point clouds, features.
+
+mod cloud;
+mod features;
+mod grid;
+mod mesh;
+
+use std::path::PathBuf;
+
+use terrane_options::{Options, Range, Rule};
+
+pub use cloud::CloudInfoReport;
+pub use features::{FeaturesInfoReport, FieldStats};
+pub use grid::GridInfoReport;
+pub use mesh::MeshInfoReport;
+
+use crate::cloud_picture::{PictureJob, Shows, draw};
+use crate::cloud_stats::cloud_stats;
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{self as clouds, Filter};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::input::{grid_stats, is_mesh, mesh_bounds};
+use terrane_engine::memory::cache_beside;
+use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
+use terrane_engine::outputs::{check_ending, not_among};
+use terrane_engine::proof::Inspection;
+use terrane_engine::sift::Losses;
+use terrane_files::path_of;
+use terrane_mesh as meshes;
+use terrane_raster::{self as raster, GridSource, Inputs};
+use terrane_terrain::tin::cost;
+use terrane_vector::OpenOptions;
+use terrane_verify::{Against, Measured, quality};
+
+/// Tell what a grid is, what is odd about it, and what a TIN of it would take
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+#[non_exhaustive]
+pub struct GridInfoOptions {
+    /// Read all samples: share of valid ones, lowest, highest and mean height
+    pub stats: bool,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Tell what a mesh is
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = OF_MESHES)]
+#[non_exhaustive]
+pub struct MeshInfoOptions {
+    /// Read all triangles: angles, aspect ratios, degrees, lengths of edges, share of edges that are locally Delaunay in x
+    /// and y
+    pub quality: bool,
+    /// With ‹quality›: how far triangles are from the slopes of this grid, to which the options of grids are then; a
+    /// synthetic terrain by name, a folder, a list or a pattern in quotes will do
+    #[option(value = "GRID", alias = "grid", with = FileName, role = ReadsGrid)]
+    pub against: Option<String>,
+    /// How that grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const OF_MESHES: &[Rule] = &[
+    Rule::Needs("against", &["quality"]),
+    Rule::Needs("band", &["against"]),
+    Rule::Needs("nodata", &["against"]),
+    Rule::Needs("bounds", &["against"]),
+    Rule::Needs("clip", &["against"]),
+    Rule::Needs("water", &["against"]),
+];
+
+/// Tell what a point cloud is
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = OF_CLOUDS)]
+#[non_exhaustive]
+pub struct CloudInfoOptions {
+    /// Read all points: counts by class and return, bounds found, a histogram of heights (in any case where some are chosen,
+    /// as by ‹class›)
+    pub stats: bool,
+    /// Draw the cloud from above into this file, which ends in .png
+    #[option(value = "FILE", with = FileName, heading = "Pictures of clouds")]
+    pub picture: Option<PathBuf>,
+    /// What the picture shows of each cell
+    #[option(value = "WHAT", heading = "Pictures of clouds")]
+    pub picture_of: Shows,
+    /// Side of the cells of the picture, in units of x and y
+    #[option(
+        value = "SIZE",
+        range = Range::POSITIVE,
+        heading = "Pictures of clouds",
+        default_text = "so that they have four points on the average, and are at most a thousand along a side"
+    )]
+    pub cell: Option<f64>,
+    /// What is there already.
+    #[option(flatten)]
+    pub replacing: Replacing,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const OF_CLOUDS: &[Rule] = &[
+    Rule::Needs("picture_of", &["picture"]),
+    Rule::Needs("cell", &["picture"]),
+    Rule::Needs("overwrite", &["picture"]),
+];
+
+/// Tell what a file of features is: all of it is read
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+#[non_exhaustive]
+pub struct FeaturesInfoOptions {
+    /// Read all features, as is done in any case
+    pub stats: bool,
+    /// How the features are read.
+    #[option(flatten)]
+    pub features: FeatureInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+impl Inspection for GridInfoOptions {
+    const OF: &'static str = "grids";
+    type Report = GridInfoReport;
+
+    fn inspect(
+        &self,
+        inputs: &Inputs,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<GridInfoReport> {
+        let grid = open(inputs, &self.grid, &self.resources)?;
+        let measure = || grid_stats(grid.as_ref(), &self.resources, progress, cancel);
+        let stats = self.stats.then(measure).transpose()?;
+        let cost = cost(grid.as_ref(), &self.resources);
+        Ok(GridInfoReport::new(&inputs.to_string(), grid.info(), stats, cost))
+    }
+}
+
+impl Inspection for MeshInfoOptions {
+    const OF: &'static str = "meshes";
+    type Report = MeshInfoReport;
+
+    fn inspect(
+        &self,
+        inputs: &Inputs,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<MeshInfoReport> {
+        let [name] = inputs.names() else {
+            return Err(Error::usage("meshes are told about one by one").remedy("name one of them"));
+        };
+        let file = &*path_of(name);
+        let mesh = meshes::open(file)?;
+        let bounds = mesh_bounds(mesh.as_ref(), progress, cancel)?;
+        let measured = Measured { file, mesh: mesh.as_ref(), bounds };
+        let measure =
+            |against| quality(measured, against, &self.resources, progress, cancel).map(Some);
+        let found = match (self.quality, &self.against) {
+            (false, _) => None,
+            (true, None) => measure(None)?,
+            (true, Some(name)) => {
+                let (grid, name) = (self.against(name)?, path_of(name));
+                measure(Some(Against { name: &name, grid: &*grid }))?
+            }
+        };
+        Ok(MeshInfoReport::new((&inputs.to_string(), mesh.as_ref(), bounds), found))
+    }
+}
+
+impl MeshInfoOptions {
+    /// The grid that slopes are held against.
+    fn against(&self, name: &str) -> Result<Box<dyn GridSource>> {
+        if is_mesh(name)? {
+            return Err(Error::bad_input("is a mesh, not a grid")
+                .in_file(&path_of(name))
+                .remedy("name the grid that the mesh was made from"));
+        }
+        open(&Inputs::from(name), &self.grid, &self.resources)
+    }
+}
+
+fn open(inputs: &Inputs, grid: &GridInput, resources: &Resources) -> Result<Box<dyn GridSource>> {
+    raster::open_all(inputs.names(), &grid.options(resources, cache_beside(resources.memory))?)
+}
+
+impl Inspection for CloudInfoOptions {
+    const OF: &'static str = "point clouds";
+    type Report = CloudInfoReport;
+
+    /// Withheld points count, and are not drawn unless they are asked for.
+    fn inspect(
+        &self,
+        inputs: &Inputs,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<CloudInfoReport> {
+        let (resources, at) = (&self.resources, (progress, cancel));
+        let mut options = self.cloud.options(resources)?;
+        let draw = |output: &PathBuf| {
+            check_ending(output, &["png"], "a picture")?;
+            not_among(&clouds::files(inputs.names())?, &[output])?;
+            let job = PictureJob {
+                output: output.clone(),
+                overwrite: self.replacing.overwrite,
+                shows: self.picture_of,
+                cell: self.cell,
+            };
+            draw(&clouds::open(inputs.names(), &options)?, &job, resources, at)
+        };
+        let picture = self.picture.as_ref().map(draw).transpose()?;
+        // What is said of the points that were chosen only their counts tell.
+        let are_chosen = options.filter != Filter::default();
+        options.filter.keep_withheld = true;
+        options.any_extent = true;
+        let cloud = clouds::open(inputs.names(), &options)?;
+        let measure = || cloud_stats(&cloud, resources, progress, cancel);
+        let stats = (self.stats || are_chosen).then(measure).transpose()?;
+        let mut report =
+            CloudInfoReport { picture, ..CloudInfoReport::new(&inputs.to_string(), &cloud, stats) };
+        report.notes.extend(Losses::of(&cloud).notes());
+        Ok(report)
+    }
+}
+
+impl Inspection for FeaturesInfoOptions {
+    const OF: &'static str = "files of features";
+    type Report = FeaturesInfoReport;
+
+    fn inspect(
+        &self,
+        inputs: &Inputs,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<FeaturesInfoReport> {
+        let [name] = inputs.names() else {
+            return Err(Error::usage("features are told about file by file")
+                .remedy("name one of the files"));
+        };
+        let options = OpenOptions { layer: self.features.layer.clone() };
+        features::read(name, &options, progress, cancel)
+    }
+}
+
+/// What a format tells of a file besides what all of them tell; of facts with one name the last stays.
+fn details(facts: &[(String, String)]) -> serde_json::Map<String, serde_json::Value> {
+    facts.iter().map(|(name, value)| (name.clone(), value.clone().into())).collect()
+}

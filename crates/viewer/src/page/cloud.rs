@@ -1,0 +1,222 @@
+//! The page of a cloud: so many of its points as a page can hold, with what is known of them.
+
+use serde_json::{Value, json};
+
+use super::few::{self, Ranked, Tally};
+use super::{PageJob, PageReport, facts};
+use crate::html::Page;
+use crate::html::pack::{Axis, Packed};
+use crate::render::class_colour;
+use terrane_base::door::Door;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Frame;
+use terrane_cloud::{Cloud, OpenOptions, PointSource, Seen, class_name};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::input::workers;
+use terrane_engine::memory::{PROGRAM, beside_program, short, with_polygons};
+
+/// Most points of a page.
+pub const MOST_POINTS: u64 = 1 << 24;
+
+/// Bytes that a page takes for a point once it is chosen: itself, codes, planes of bytes and texts.
+const POINT_BYTES: u64 = 112;
+/// Bytes of a thread that reads points.
+const WORKER: u64 = 12 << 20;
+/// Colours above this have two bytes a channel.
+const ONE_BYTE: u16 = 255;
+
+pub(super) fn page(
+    (open, most): (&OpenOptions, u64),
+    job: &PageJob<'_>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<(Page, PageReport)> {
+    let cloud = terrane_cloud::open(job.input.names(), open)?;
+    let most = most.min(cloud.info().count);
+    let threads = with_polygons(open, job.resources, |resources| threads(most, &resources))?;
+    let resources = Resources { threads, ..job.resources.clone() };
+    let (points, tally) = workers(&resources)?.install(|| {
+        let (mut points, tally) = few::choose(&cloud, most as usize, (progress, cancel))?;
+        few::arrange(&mut points);
+        Ok::<_, Error>((points, tally))
+    })?;
+    if points.is_empty() {
+        return Err(Error::bad_input("there is no point to show")
+            .remedy("name a cloud that has points, or filter less of it out"));
+    }
+    cancel.check()?;
+    put(job, &cloud, points, &tally)
+}
+
+/// Threads that fit beside the points.
+fn threads(points: u64, resources: &Resources) -> Result<usize> {
+    let need = few::needed(points).max(points * POINT_BYTES);
+    let free = beside_program(resources.memory);
+    let Some(rest) = free.checked_sub(need + WORKER) else {
+        let enough = need + WORKER + PROGRAM;
+        let mib = enough.div_ceil(1 << 20);
+        let message = format!("a page of {points} points takes {mib} MiB of memory");
+        return Err(short(message, enough).or("show fewer with ‹points›"));
+    };
+    Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
+}
+
+/// Puts the points into a page, an array at a time.
+fn put(
+    job: &PageJob<'_>,
+    cloud: &Cloud,
+    points: Vec<Ranked>,
+    tally: &Tally,
+) -> Result<(Page, PageReport)> {
+    let none = || Error::new(ErrorKind::Internal, "there is no page of clouds");
+    let mut page = Page::new("cloud", &facts::title(job.input)).ok_or_else(none)?;
+    let mut report = PageReport {
+        page: "cloud",
+        points: Some(points.len() as u64),
+        census: Some(tally.census),
+        ..PageReport::default()
+    };
+    let placed = place(&mut page, &points, &cloud.info().frame, &mut report);
+    let seen = || points.iter().map(|(_, seen)| seen);
+    page.array("marks", Packed::signed(seen().map(marks)));
+    if tally.strongest > 0 {
+        page.array("intensity", Packed::signed(seen().map(|seen| seen.intensity.into())));
+    }
+    if tally.brightest > 0 {
+        let is_short = tally.brightest <= ONE_BYTE;
+        page.array("colour", Packed::signed(seen().map(|seen| colour(seen.colour, is_short))));
+    }
+    drop(points);
+    let system = facts::System::of_features(&cloud.info().crs);
+    facts::put(&mut page, job, &system, report.bounds, placed);
+    page.fact("about", facts::about(&system));
+    tell(&mut page, cloud, tally, &report);
+    Ok((page, report))
+}
+
+/// Puts the places in, and tells of them; returns to what step places and heights are told.
+fn place(page: &mut Page, points: &[Ranked], frame: &Frame, report: &mut PageReport) -> [f64; 2] {
+    let of = |axis: usize| {
+        let step = |(_, Seen { point, .. }): &Ranked| [point.x, point.y, point.z][axis];
+        points.iter().map(step).collect::<Vec<i32>>()
+    };
+    let (mut ends, mut steps) = ([[0.0; 2]; 3], [0.0; 3]);
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let coded = Axis::of_steps(&of(axis), frame.scale[axis], frame.offset[axis]);
+        let most = coded.codes.iter().max().copied().unwrap_or(0);
+        ends[axis] = [coded.low, coded.at(most)];
+        steps[axis] = frame.scale[axis].max(coded.rounding);
+        report.rounding = report.rounding.max(coded.rounding);
+        page.axis(name, &coded);
+    }
+    let [[west, east], [south, north], [low, high]] = ends;
+    report.bounds = [west, south, east, north];
+    (report.lowest, report.highest) = (Some(low), Some(high));
+    [steps[0].max(steps[1]), steps[2]]
+}
+
+/// Class, return, returns and marks in one number: 8, 4, 4 and 4 bits.
+fn marks(seen: &Seen) -> i32 {
+    let [number, returns] = seen.returns.map(|n| i32::from(n & 15));
+    i32::from(seen.class) | number << 8 | returns << 12 | i32::from(seen.flags.0) << 16
+}
+
+/// Red, green and blue of 8 bits each in one number.
+fn colour(stored: [u16; 3], is_short: bool) -> i32 {
+    let byte = |value: u16| match is_short {
+        true => i32::from(value),
+        false => (i32::from(value) * 255 + 32_767) / 65_535,
+    };
+    let [red, green, blue] = stored.map(byte);
+    red | green << 8 | blue << 16
+}
+
+fn tell(page: &mut Page, cloud: &Cloud, tally: &Tally, report: &PageReport) {
+    let all = |counts: &[u64]| {
+        counts.iter().enumerate().filter(|(_, n)| **n > 0).map(|(i, n)| (i as u8, *n)).collect()
+    };
+    let classes: Vec<(u8, u64)> = all(&tally.classes);
+    let class = |(class, points): &(u8, u64)| {
+        json!({
+            "class": class, "name": class_name(*class), "colour": class_colour(*class), "points": points,
+        })
+    };
+    page.fact("classes", Value::from(classes.iter().map(class).collect::<Vec<_>>()));
+    let returns: Vec<(u8, u64)> = all(&tally.returns);
+    let number = |(number, points): &(u8, u64)| json!({ "number": number, "points": points });
+    page.fact("returns", Value::from(returns.iter().map(number).collect::<Vec<_>>()));
+    let (shown, kept) = (report.points.unwrap_or(0), tally.census.kept);
+    page.fact("points", json!({ "shown": shown, "of": kept }));
+    page.fact("files", cloud.files().len());
+    page.fact("notes", json!(notes(cloud, tally, report)));
+}
+
+/// What is to be said of what is shown, and of what is not.
+fn notes(cloud: &Cloud, tally: &Tally, report: &PageReport) -> Vec<String> {
+    let (shown, census) = (report.points.unwrap_or(0), &tally.census);
+    let mut notes = Vec::new();
+    if shown < census.kept {
+        let kept = census.kept;
+        notes.push(format!(
+            "{shown} of {kept} points are shown, chosen evenly by a hash of their places; counts of classes and \
+             returns are those of all."
+        ));
+    }
+    let left_out = [
+        (census.withheld, "are marked as withheld"),
+        (census.filtered, "were not asked for"),
+        (census.outside, "lie outside of the bounds that their file claims"),
+        (census.lost, "are lost, as they cannot be read"),
+    ];
+    let left_out = left_out.iter().filter(|(count, _)| *count > 0);
+    notes.extend(left_out.map(|(count, why)| format!("{count} points are left out: they {why}.")));
+    notes.push(match report.rounding > 0.0 {
+        true => format!("Places are within {:.1e} of those in the file.", report.rounding),
+        false => "Places are those in the file, to the last step.".to_owned(),
+    });
+    if tally.brightest > ONE_BYTE {
+        notes.push("Colours are shown with 8 of their 16 bits.".to_owned());
+    }
+    // Who reads a page has no options.
+    notes.extend(cloud.notes().iter().map(|note| format!("{}.", Door::Python.spell(note))));
+    notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_of_one_byte_and_of_two_are_the_same() {
+        assert_eq!(colour([255, 128, 0], true), 255 | 128 << 8);
+        for value in 0..=255u16 {
+            assert_eq!(colour([value * 257; 3], false), colour([value; 3], true));
+        }
+        assert_eq!(colour([300, 65_535, 0], false), 1 | 255 << 8);
+    }
+
+    #[test]
+    fn threads_give_way_before_points_do() {
+        let threads = |points, mib: u64| {
+            threads(points, &Resources { memory: mib << 20, threads: 8, ..Resources::default() })
+        };
+        assert_eq!(threads(1_000, 1_000).unwrap(), 8);
+        let few = threads(1_000, 60).unwrap();
+        assert!((1..4).contains(&few), "{few}");
+        let error = threads(MOST_POINTS, 1_000).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Resource);
+        assert!(error.to_string().contains("‹points›"), "{error}");
+        let told = error.to_string();
+        let enough = told.split("‹memory› ").nth(1).unwrap().split('M').next().unwrap();
+        assert_eq!(threads(MOST_POINTS, enough.parse().unwrap()).unwrap(), 1);
+    }
+
+    #[test]
+    fn what_is_known_of_a_point_is_packed_apart() {
+        let flags = terrane_cloud::Flags::WITHHELD.and(terrane_cloud::Flags::OVERLAP);
+        let seen = Seen { class: 200, returns: [3, 15], flags, ..Seen::default() };
+        assert_eq!(marks(&seen), 200 | 3 << 8 | 15 << 12 | 12 << 16);
+    }
+}

@@ -1,0 +1,148 @@
+//! What a page tells beside its arrays: where a surface lies, its units, and how it is shown at first.
+
+use serde_json::json;
+
+use super::PageJob;
+use crate::html::Page;
+use crate::view::DEGREE_METRES;
+use terrane_base::geom::{Crs, is_geographic, metres_in};
+use terrane_mesh::MeshInfo;
+use terrane_raster::{GridInfo, Inputs};
+
+/// The system that x, y and z of a surface are in, as far as it is known.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct System {
+    label: String,
+    pub(super) geographic: bool,
+    pub(super) units: [String; 2],
+    /// Metres in a unit of x and y, unless they are degrees; and of z.
+    metres: [Option<f64>; 2],
+}
+
+impl System {
+    pub(super) fn of_grid(info: &GridInfo) -> Self {
+        Self::of_crs(&info.crs, info.crs.label())
+    }
+
+    /// A mesh states the label of its system, and its tolerance with the unit of heights.
+    pub(super) fn of_mesh(info: &MeshInfo) -> Self {
+        let label = info.crs.clone().unwrap_or_else(|| "unknown".to_owned());
+        let digits = label.split("EPSG:").nth(1).unwrap_or_default();
+        let code: String = digits.chars().take_while(char::is_ascii_digit).collect();
+        let epsg = code.parse().ok();
+        let vertical_unit = stated_unit(info);
+        let geographic = epsg
+            .and_then(is_geographic)
+            .or(terrane_engine::input::is_geographic(info).then_some(true));
+        Self::of_crs(&Crs { epsg, geographic, vertical_unit, ..Crs::default() }, label)
+    }
+
+    pub(super) fn of_features(crs: &Crs) -> Self {
+        Self::of_crs(crs, crs.label())
+    }
+
+    fn of_crs(crs: &Crs, label: String) -> Self {
+        let geographic = crs.geographic == Some(true);
+        let across = crs.horizontal_unit();
+        let level = if across == "unit" { String::new() } else { short(across) };
+        let upright = crs.vertical_unit.as_deref().map(short);
+        // Heights without a unit are taken for that of x and y, or for metres over degrees.
+        let upright =
+            upright.unwrap_or_else(|| if geographic { "m".to_owned() } else { level.clone() });
+        let metres = [crs.horizontal_metres(), crs.vertical_metres()];
+        Self { label, geographic, units: [level, upright], metres }
+    }
+
+    /// Metres of a unit along x, y and z, in the middle of `bounds`: west, south, east, north.
+    pub(super) fn ground(&self, [_, south, _, north]: [f64; 4]) -> [f64; 3] {
+        let [level, upright] = self.metres;
+        if self.geographic {
+            let latitude = ((south + north) / 2.0).clamp(-89.0, 89.0);
+            return [
+                DEGREE_METRES * latitude.to_radians().cos(),
+                DEGREE_METRES,
+                upright.unwrap_or(1.0),
+            ];
+        }
+        let level = level.unwrap_or(1.0);
+        [level, level, upright.unwrap_or(level)]
+    }
+}
+
+/// The unit of the tolerance that a mesh states.
+fn stated_unit(info: &MeshInfo) -> Option<String> {
+    let unit = info.promises().ok()?.max_error?.unit?;
+    metres_in(&unit).map(|_| unit)
+}
+
+fn short(unit: &str) -> String {
+    match unit {
+        "metre" | "meter" | "metres" | "meters" => "m".to_owned(),
+        "degree" => "°".to_owned(),
+        other => other.to_owned(),
+    }
+}
+
+/// Puts into a page what all surfaces have.
+pub(super) fn put(
+    page: &mut Page,
+    job: &PageJob<'_>,
+    system: &System,
+    bounds: [f64; 4],
+    steps: [f64; 2],
+) {
+    page.fact("crs", system.label.clone());
+    page.fact("geographic", system.geographic);
+    page.fact("units", json!(system.units));
+    page.fact("ground", json!(system.ground(bounds)));
+    page.fact("told_steps", json!(steps));
+    job.put_look(page);
+    let [land, water] = crate::render::palette();
+    page.fact("palette", json!({ "land": land, "water": water }));
+}
+
+/// What a page calls its input: names of files without their folders, which are nobody's business where the
+/// page is read.
+pub(super) fn title(inputs: &Inputs) -> String {
+    let name = |input: &String| {
+        let path = input.strip_prefix("cloud:").unwrap_or(input);
+        path.rsplit(['/', '\\']).next().unwrap_or(path).to_owned()
+    };
+    match inputs.names() {
+        [one] => name(one),
+        [first, rest @ ..] => format!("{} and {} more", name(first), rest.len()),
+        [] => String::new(),
+    }
+}
+
+/// What system a page is in, in few words.
+pub(super) fn about(system: &System) -> String {
+    match system.label.as_str() {
+        "unknown" => "no reference system known".to_owned(),
+        label => label.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mesh(crs: Option<&str>, comment: &str) -> System {
+        let plain = MeshInfo::plain("PLY", 3, 1);
+        let details = vec![("comment".to_owned(), comment.to_owned())];
+        System::of_mesh(&MeshInfo { crs: crs.map(str::to_owned), details, ..plain })
+    }
+
+    #[test]
+    fn a_mesh_is_measured_in_the_units_it_states() {
+        let utm = mesh(Some("EPSG:32631 (WGS 84 / UTM zone 31N)"), "max error 5 metre");
+        assert_eq!(utm.ground([0.0; 4]), [1.0; 3]);
+        assert_eq!(utm.units, ["m", "m"]);
+        let feet = mesh(Some("EPSG:2263 (x)"), "max error 2 US survey foot");
+        let foot = 1200.0 / 3937.0;
+        assert!(feet.ground([0.0; 4]).iter().all(|m| (m - foot).abs() < 1e-9), "{feet:?}");
+        let degrees = mesh(Some("EPSG:4326 (WGS 84)"), "").ground([5.0, 59.0, 6.0, 61.0]);
+        assert!((degrees[0] / degrees[1] - 0.5).abs() < 1e-9 && degrees[2] == 1.0);
+        assert_eq!(mesh(None, "max error nonsense").ground([0.0; 4]), [1.0; 3]);
+    }
+}

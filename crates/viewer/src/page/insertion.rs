@@ -1,0 +1,155 @@
+//! The page of greedy insertion: a small grid, or every n-th sample of a larger one; the page inserts.
+
+use serde_json::json;
+
+use super::facts::{self, System};
+use super::lattice::{part, places};
+use super::surface::told_steps;
+use super::{PageJob, PageReport, within_memory};
+use crate::html::Page;
+use crate::html::pack::Axis;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Affine, Rect};
+use terrane_engine::Cancel;
+use terrane_engine::memory::cache_beside;
+use terrane_raster::GridSource;
+
+/// Most samples along a side.
+pub const MOST_SIDE: u32 = 129;
+/// Most steps from the lowest height to the highest: errors of whole steps are exact in the page's doubles, and
+/// no two of different size become one.
+const MOST_STEPS: f64 = 65_535.0;
+
+pub(super) fn page(
+    grid: &dyn GridSource,
+    bounds: Option<[f64; 4]>,
+    job: &PageJob<'_>,
+    cancel: &Cancel,
+) -> Result<(Page, PageReport)> {
+    let info = grid.info();
+    let part = part(info, bounds)?;
+    if part.width < 2 || part.height < 2 {
+        return Err(Error::usage("a surface has at least two rows and columns of samples")
+            .remedy("name a larger grid, or another part with ‹bounds›"));
+    }
+    let need = cache_beside(job.resources.memory) as u64 + 8 * u64::from(part.width) + (4 << 20);
+    within_memory(need, "a small grid", job.resources)?;
+    let stride = (part.width.max(part.height) - 1).div_ceil(MOST_SIDE - 1);
+    // Not the last ones, unless a stride ends there: all cells have one size.
+    let along = |first: u32, count: u32| places(first, count - (count - 1) % stride, stride);
+    let (cols, rows) = (along(part.col, part.width), along(part.row, part.height));
+    let heights = read(grid, &cols, &rows, cancel)?;
+    let axis = coarse(&heights);
+    let none = || Error::new(ErrorKind::Internal, "there is no page of insertions");
+    let mut page = Page::new("insertion", &facts::title(job.input)).ok_or_else(none)?;
+    page.fact("width", cols.len());
+    page.fact("height", rows.len());
+    page.axis("z", &axis);
+    let report = report(&heights, axis.rounding, &info.transform, [&cols, &rows], stride);
+    let system = System::of_grid(info);
+    facts::put(&mut page, job, &system, report.bounds, told_steps(&report, system.geographic));
+    let ground = system.ground(report.bounds);
+    let map = &info.transform;
+    let cell = [
+        (map.a * ground[0]).hypot(map.d * ground[1]),
+        (map.b * ground[0]).hypot(map.e * ground[1]),
+    ];
+    page.fact("cell", json!(cell.map(|side| side * f64::from(stride))));
+    page.fact("about", facts::about(&system));
+    page.fact("notes", json!(notes(&report, stride)));
+    Ok((page, report))
+}
+
+fn notes(report: &PageReport, stride: u32) -> Vec<String> {
+    let mut notes = vec![];
+    if stride > 1 {
+        notes.push(format!("Every {stride}th sample along rows and columns of the grid."));
+    }
+    if report.rounding > 0.0 {
+        notes.push(format!("Heights are those of the file to {:.2e}.", report.rounding));
+    }
+    notes
+}
+
+/// The heights at some columns and rows.
+///
+/// # Errors
+/// A void among them.
+fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> Result<Vec<f64>> {
+    let (first, last) = (cols[0], cols[cols.len() - 1]);
+    let mut line = vec![0.0; (last - first + 1) as usize];
+    let mut heights = Vec::with_capacity(cols.len() * rows.len());
+    for &row in rows {
+        cancel.check()?;
+        let rect = Rect::new(first, row, last - first + 1, 1);
+        grid.read_f64(rect, &mut line)?;
+        for &col in cols {
+            let z = line[(col - first) as usize];
+            if !z.is_finite() {
+                return Err(Error::usage("this page needs a height at every sample")
+                    .at(format!("column {col}, row {row}"))
+                    .remedy("show a part without voids with ‹bounds›"));
+            }
+            heights.push(z);
+        }
+        grid.release(rect);
+    }
+    Ok(heights)
+}
+
+/// Heights in at most [`MOST_STEPS`] steps: exact where that is enough.
+fn coarse(heights: &[f64]) -> Axis {
+    let axis = Axis::of(heights);
+    let top = axis.codes.iter().copied().max().unwrap_or(0);
+    if f64::from(top) <= MOST_STEPS {
+        return axis;
+    }
+    let step = axis.step * f64::from(top) / MOST_STEPS;
+    let code = |z: &f64| ((z - axis.low) / step).round() as u32;
+    let mut coarse = Axis { step, codes: heights.iter().map(code).collect(), ..axis };
+    let off = |(z, code): (&f64, &u32)| (z - coarse.at(*code)).abs();
+    coarse.rounding = heights.iter().zip(&coarse.codes).map(off).fold(0.0, f64::max);
+    coarse
+}
+
+fn report(
+    heights: &[f64],
+    rounding: f64,
+    map: &Affine,
+    [cols, rows]: [&[u32]; 2],
+    stride: u32,
+) -> PageReport {
+    let ends = |all: &[u32]| [f64::from(all[0]), f64::from(all[all.len() - 1])];
+    let ([west, east], [north, south]) = (ends(cols), ends(rows));
+    let corners = [(west, north), (east, north), (west, south), (east, south)];
+    let corners = corners.map(|(col, row)| map.apply(col, row));
+    let low = |axis: usize| corners.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+    let high = |axis: usize| corners.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+    PageReport {
+        page: "insertion",
+        vertices: Some(heights.len() as u64),
+        stride: Some(stride),
+        bounds: [low(0), low(1), high(0), high(1)],
+        lowest: heights.iter().copied().reduce(f64::min),
+        highest: heights.iter().copied().reduce(f64::max),
+        rounding,
+        ..PageReport::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_of_few_steps_are_exact_and_others_are_rounded() {
+        let whole: Vec<f64> = (0..500).map(|i| f64::from(i * 37 % 501) / 4.0).collect();
+        let axis = coarse(&whole);
+        assert_eq!(axis.rounding, 0.0);
+        assert!(whole.iter().zip(&axis.codes).all(|(z, code)| axis.at(*code) == *z));
+        let fine: Vec<f64> = (0..500).map(|i| f64::from(i).sin() * 1000.0).collect();
+        let axis = coarse(&fine);
+        assert!(axis.codes.iter().all(|code| f64::from(*code) <= MOST_STEPS));
+        assert!(axis.rounding > 0.0 && axis.rounding <= 2000.0 / MOST_STEPS);
+    }
+}

@@ -1,0 +1,193 @@
+//! The page of lines: all lines and rings of a file, and of each vertex the thresholds at which it goes by
+//! Ramer-Douglas-Peucker and by Visvalingam-Whyatt, so that a threshold is a filter.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use super::{MOST_VERTICES, PageJob, PageReport, facts, within_memory};
+use crate::html::Page;
+use crate::html::pack::{Axis, Packed};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Crs;
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_files::path_of;
+use terrane_simplify::{Measure, thresholds};
+use terrane_vector::{self as vector, OpenOptions, Part};
+
+/// Bytes that a page takes for a vertex: positions, thresholds, codes, planes of bytes and texts.
+const VERTEX_BYTES: u64 = 16 + 16 + 8 + 48;
+
+/// What the methods are called, in what they are bounded, and their arrays.
+const METHODS: [(&str, &str, &str); 2] =
+    [("Ramer-Douglas-Peucker", "distance", "distances"), ("Visvalingam-Whyatt", "area", "areas")];
+
+/// All lines, one after the other; rings without their closing vertex.
+#[derive(Default)]
+struct Lines {
+    axes: [Vec<f64>; 2],
+    thresholds: [Vec<f32>; 2],
+    /// Vertices of each part, doubled, and one more for rings.
+    parts: Vec<i32>,
+    /// Vertices as the file has them.
+    vertices: u64,
+    features: u64,
+    /// Features without a line.
+    others: u64,
+}
+
+pub(super) fn page(
+    layer: Option<&String>,
+    job: &PageJob<'_>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<(Page, PageReport)> {
+    let [input] = job.input.names() else {
+        return Err(Error::usage("a page shows one file of lines").remedy("name one of them"));
+    };
+    let path = path_of(input);
+    let options = OpenOptions { layer: layer.cloned() };
+    let mut source = vector::open(&path, &options)?;
+    let mut crs = source.layer().crs.clone();
+    let measure = match crs.geographic == Some(true) && are_degrees(&path, &options, cancel)? {
+        true => Measure::Geographic,
+        false => Measure::Plane,
+    };
+    if measure == Measure::Plane && crs.geographic == Some(true) {
+        // GeoJSON that names no system is of degrees by its standard, and often is not.
+        crs = Crs::default();
+    }
+    let mut lines = Lines::default();
+    progress.begin("features", source.layer().features.unwrap_or(0));
+    while let Some(feature) = source.next()? {
+        cancel.check()?;
+        lines.features += 1;
+        let before = lines.parts.len();
+        for part in feature.geometry.parts() {
+            lines.push(&part, measure, job).map_err(|e| e.at(source.place()).in_file(&path))?;
+        }
+        lines.others += u64::from(lines.parts.len() == before);
+        progress.advance(1);
+    }
+    progress.end();
+    lines.page(job, &crs, measure)
+}
+
+/// Whether all positions of a file are longitudes and latitudes.
+fn are_degrees(path: &Path, options: &OpenOptions, cancel: &Cancel) -> Result<bool> {
+    let mut source = vector::open(path, options)?;
+    while let Some(feature) = source.next()? {
+        cancel.check()?;
+        let is_degree = |[x, y]: &[f64; 2]| x.abs() <= 360.0 && y.abs() <= 90.0;
+        if !feature.geometry.parts().all(|part| part.xy.iter().all(is_degree)) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+impl Lines {
+    fn push(&mut self, part: &Part<'_>, measure: Measure, job: &PageJob<'_>) -> Result<()> {
+        self.vertices += part.xy.len() as u64;
+        if self.vertices > MOST_VERTICES {
+            let message = format!("a page holds up to {MOST_VERTICES} vertices, and here are more");
+            return Err(Error::new(ErrorKind::Limit, message)
+                .remedy("simplify the lines a little first with ‹terrane simplify›"));
+        }
+        within_memory(self.vertices * VERTEX_BYTES, "so many vertices", job.resources)?;
+        let of = thresholds(part, measure)?;
+        let count = of[0].len();
+        for (all, own) in self.thresholds.iter_mut().zip(&of) {
+            all.extend(own.iter().map(|threshold| *threshold as f32));
+        }
+        for (axis, all) in self.axes.iter_mut().enumerate() {
+            all.extend(part.xy[..count].iter().map(|xy| xy[axis]));
+        }
+        // At most 2^22 vertices.
+        self.parts.push(2 * count as i32 + i32::from(part.is_ring()));
+        Ok(())
+    }
+
+    fn page(self, job: &PageJob<'_>, crs: &Crs, measure: Measure) -> Result<(Page, PageReport)> {
+        if self.parts.is_empty() {
+            return Err(Error::bad_input("there is no line to show")
+                .in_file(&path_of(&job.input.to_string()))
+                .remedy("name a file of lines or polygons"));
+        }
+        let none = || Error::new(ErrorKind::Internal, "there is no page of lines");
+        let mut page = Page::new("lines", &facts::title(job.input)).ok_or_else(none)?;
+        let mut report = PageReport {
+            page: "lines",
+            vertices: Some(self.vertices),
+            parts: Some(self.parts.len() as u64),
+            features: Some(self.features),
+            ..PageReport::default()
+        };
+        let mut ends = [[0.0; 2]; 2];
+        for ((name, values), ends) in ["x", "y"].into_iter().zip(&self.axes).zip(&mut ends) {
+            let axis = Axis::of(values);
+            *ends = [axis.low, values.iter().copied().fold(f64::NEG_INFINITY, f64::max)];
+            report.rounding = report.rounding.max(axis.rounding);
+            page.axis(name, &axis);
+        }
+        let [[west, east], [south, north]] = ends;
+        report.bounds = [west, south, east, north];
+        page.array("parts", Packed::signed(self.parts.iter().copied()));
+        for ((_, _, array), thresholds) in METHODS.iter().zip(&self.thresholds) {
+            page.array(array, Packed::floats(thresholds));
+        }
+        self.tell(&mut page, &report, crs, measure);
+        Ok((page, report))
+    }
+
+    fn tell(&self, page: &mut Page, report: &PageReport, crs: &Crs, measure: Measure) {
+        let system = facts::System::of_features(crs);
+        let unit = match measure {
+            Measure::Geographic => "m".to_owned(),
+            _ => system.units[0].clone(),
+        };
+        page.fact("about", facts::about(&system));
+        page.fact("geographic", system.geographic);
+        page.fact("ground", json!(system.ground(report.bounds)));
+        page.fact("unit", unit);
+        page.fact("vertices", self.vertices);
+        page.fact("features", self.features);
+        page.fact("methods", json!(METHODS));
+        let mut notes = vec![match measure {
+            Measure::Geographic => "Distances and areas are in metres on the ellipsoid.".to_owned(),
+            _ => "Distances and areas are in the units of the data.".to_owned(),
+        }];
+        if report.rounding > 0.0 {
+            notes.push(format!(
+                "Lines are drawn to {:.2e}; thresholds are of the file's own coordinates.",
+                report.rounding
+            ));
+        }
+        if self.others > 0 {
+            notes.push(format!("{} features have no line.", self.others));
+        }
+        page.fact("notes", json!(notes));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::page::tests::{job, within};
+    use terrane_raster::Inputs;
+    use terrane_vector::Geometry;
+
+    #[test]
+    fn lines_beyond_the_limit_and_the_memory_are_refused_by_name() {
+        let line = Geometry::line(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]);
+        let part = line.parts().next().unwrap();
+        let push = |vertices, memory| {
+            let mut lines = Lines { vertices, ..Lines::default() };
+            lines.push(&part, Measure::Plane, &job(&Inputs::default(), &within(memory)))
+        };
+        assert!(push(0, 64 << 20).is_ok());
+        assert_eq!(push(MOST_VERTICES - 2, 4 << 30).unwrap_err().kind(), ErrorKind::Limit);
+        assert_eq!(push(MOST_VERTICES - 3, 64 << 20).unwrap_err().kind(), ErrorKind::Resource);
+    }
+}

@@ -1,0 +1,198 @@
+//! A page of a mesh, a grid, lines or a cloud, to be looked at in a browser: one HTML file that holds what it shows; or of
+//! tiles, which it asks a server of their folder for.
+//!
+//! What a page shows is held in memory, here and in the browser, so its size has limits: [`MOST_TRIANGLES`],
+//! [`MOST_VERTICES`] of lines. A grid is shown by every n-th of its samples ([`MOST_SAMPLES`]), a cloud by some of its
+//! points ([`MOST_POINTS`]), which the page says.
+
+mod cloud;
+mod errors;
+mod facts;
+mod few;
+mod insertion;
+mod lattice;
+mod lines;
+mod options;
+mod solid;
+mod surface;
+mod tiles;
+
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::html::Page;
+use crate::view::Lighting;
+pub use cloud::MOST_POINTS;
+pub use insertion::MOST_SIDE;
+pub use options::{
+    CloudPageOptions, CloudPageSetters, LinePageOptions, LinePageSetters, PageOptions, PageSetters,
+    TilesPageOptions, TilesPageSetters,
+};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud::Census;
+use terrane_engine::Cancel;
+use terrane_engine::Resources;
+use terrane_engine::figures::Figures;
+use terrane_engine::memory::{beside_program, short};
+use terrane_files::atomic::{AtomicFile, refuse_existing};
+use terrane_raster::Inputs;
+pub use tiles::is_tiles;
+
+/// Most triangles of a page.
+pub const MOST_TRIANGLES: u64 = 10 << 20;
+/// Most vertices of lines on a page.
+pub const MOST_VERTICES: u64 = 4 << 20;
+/// Most samples that a page shows of a grid.
+pub const MOST_SAMPLES: u64 = 3 << 19;
+
+/// What all pages have.
+#[derive(Clone, Debug)]
+pub(crate) struct PageJob<'a> {
+    /// Grid files, a mesh, lines, clouds or tiles, or synthetic ones by name.
+    pub(crate) input: &'a Inputs,
+    /// HTML file to write.
+    pub(crate) output: &'a Path,
+    /// Replace an existing page.
+    pub(crate) overwrite: bool,
+    /// How it is lit at the start.
+    pub(crate) lighting: Lighting,
+    /// Edges of triangles are shown from the start.
+    pub(crate) edges: bool,
+    /// What the job may use.
+    pub(crate) resources: &'a Resources,
+}
+
+/// What is on a page.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct PageReport {
+    pub input: String,
+    pub output: String,
+    /// The kind of page.
+    pub page: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertices: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub triangles: Option<u64>,
+    /// Lines and rings, and the features they are of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parts: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub features: Option<u64>,
+    /// Points of a cloud that are shown, and what became of all of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub census: Option<Census>,
+    /// Levels of tiles, and how many tiles there are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub levels: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tiles: Option<u64>,
+    /// Of a grid: every so many-th sample is shown, along rows and columns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stride: Option<u32>,
+    /// West, south, east, north of what is shown.
+    pub bounds: [f64; 4],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lowest: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub highest: Option<f64>,
+    /// The largest distance of a vertex on the page from where it is in the file, along any axis.
+    pub rounding: f64,
+    /// The largest error of a triangle, where errors were measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_error: Option<f64>,
+    pub output_bytes: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+}
+
+impl PageJob<'_> {
+    /// Puts into a page how it looks at the start.
+    fn put_look(&self, page: &mut Page) {
+        page.fact("azimuth", self.lighting.azimuth);
+        page.fact("altitude", self.lighting.altitude);
+        page.fact("exaggeration", self.lighting.heights.exaggeration);
+        page.fact("edges", self.edges);
+    }
+
+    /// Writes a page once it is made.
+    ///
+    /// # Errors
+    /// Usage for an option that does not go with the input; what is beyond limits of pages; too little memory; and what the
+    /// readers find.
+    fn write(
+        &self,
+        make: impl FnOnce() -> Result<(Page, PageReport)>,
+        cancel: &Cancel,
+    ) -> Result<PageReport> {
+        let started = Instant::now();
+        refuse_existing(self.output, self.overwrite)?;
+        let (page, report) = make().map_err(|error| match error.kind() {
+            ErrorKind::BadInput | ErrorKind::Usage | ErrorKind::Unsupported => {
+                error.in_file(Path::new(&self.input.to_string()))
+            }
+            _ => error,
+        })?;
+        cancel.check()?;
+        let mut file = AtomicFile::create(self.output, self.overwrite)?;
+        file.write_all(page.html().as_bytes()).map_err(|e| Error::write(self.output, e))?;
+        Ok(PageReport {
+            input: self.input.to_string(),
+            output: self.output.display().to_string(),
+            output_bytes: file.commit()?,
+            run: Figures::since(started, self.resources),
+            ..report
+        })
+    }
+}
+
+/// Fails when a page of what takes `need` bytes does not fit.
+fn within_memory(need: u64, what: &str, resources: &Resources) -> Result<()> {
+    if need <= beside_program(resources.memory) {
+        return Ok(());
+    }
+    let enough = need + (resources.memory - beside_program(resources.memory));
+    let mib = enough.div_ceil(1 << 20);
+    Err(short(format!("a page of {what} takes {mib} MiB of memory"), enough))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_engine::operation::Job;
+
+    /// A page of nothing in particular.
+    pub(super) fn job<'a>(input: &'a Inputs, resources: &'a Resources) -> PageJob<'a> {
+        let (output, lighting) = (Path::new("page.html"), Lighting::default());
+        PageJob { input, output, overwrite: false, lighting, edges: false, resources }
+    }
+
+    /// What a job may take that takes so much memory.
+    pub(super) fn within(memory: u64) -> Resources {
+        Resources { memory, ..Resources::default() }
+    }
+
+    #[test]
+    fn what_does_not_go_together_is_refused_and_nothing_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let terrain = "synth:rough,size=65";
+        let run = |against: Option<&str>, memory: u64| {
+            let (against, resources) = (against.map(str::to_owned), within(memory));
+            let options = PageOptions { against, resources, ..PageOptions::default() };
+            Job::new(Inputs::from(terrain), options).write(folder.path().join("a.html"))
+        };
+        assert_eq!(run(Some(terrain), 1 << 30).unwrap_err().kind(), ErrorKind::Usage);
+        assert_eq!(run(None, 1 << 20).unwrap_err().kind(), ErrorKind::Resource);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let report = run(None, 1 << 30).unwrap();
+        assert_eq!((report.vertices, report.triangles), (Some(65 * 65), Some(2 * 64 * 64)));
+        let written = std::fs::metadata(folder.path().join("a.html")).unwrap().len();
+        assert_eq!(written, report.output_bytes);
+    }
+}

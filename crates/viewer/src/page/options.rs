@@ -1,0 +1,223 @@
+//! Options of pages.
+
+use std::path::Path;
+
+use terrane_options::{Options, Range, Rule};
+
+use super::{MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles};
+use crate::html::Page;
+use crate::view::{Exaggeration, Lighting};
+use terrane_base::error::{Error, Result};
+use terrane_engine::Cancel;
+use terrane_engine::Progress;
+use terrane_engine::Resources;
+use terrane_engine::input::{self, Surface};
+use terrane_engine::memory::cache_beside;
+use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
+use terrane_engine::outputs::check_ending;
+use terrane_raster::Inputs;
+
+terrane_engine::has_within!(PageOptions TilesPageOptions: Lighting => [Exaggeration]);
+
+/// Make a page of a grid or a mesh for a browser: one HTML file that holds all it shows and loads nothing
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = OF_SURFACES)]
+#[non_exhaustive]
+pub struct PageOptions {
+    /// Grid whose samples a mesh is compared with: every triangle gets its largest error
+    #[option(value = "GRID", with = FileName, role = ReadsGrid)]
+    pub against: Option<String>,
+    /// Insert the samples of a small grid one by one, for teaching: how a mesh of it grows, and how its error falls; of a
+    /// large grid every n-th sample, at most 129 along a side
+    pub insertion: bool,
+    /// Show the edges of triangles from the start
+    pub edges: bool,
+    /// How it is lit at the start.
+    #[option(flatten)]
+    pub lighting: Lighting,
+    /// How the grid is read; within its bounds, which may be those of a part of a mesh, too.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// What is there already.
+    #[option(flatten)]
+    pub replacing: Replacing,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const OF_SURFACES: &[Rule] = &[Rule::NotWith("insertion", &["against", "edges"])];
+
+/// Make a page of a point cloud for a browser: one HTML file that holds all it shows and loads nothing
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+#[non_exhaustive]
+pub struct CloudPageOptions {
+    /// Most points that are shown: of more, some that are chosen evenly
+    #[option(value = "N", default = 2_000_000u64, range = Range::new(1.0, MOST_POINTS as f64))]
+    pub points: u64,
+    /// How high heights look at the start.
+    #[option(flatten)]
+    pub heights: Exaggeration,
+    /// How the cloud is read.
+    #[option(flatten)]
+    pub cloud: CloudInput,
+    /// What is there already.
+    #[option(flatten)]
+    pub replacing: Replacing,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Make a page of lines and polygons for a browser, with all of their simplifications: one HTML file that holds all it
+/// shows and loads nothing
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+#[non_exhaustive]
+pub struct LinePageOptions {
+    /// How the lines are read.
+    #[option(flatten)]
+    pub features: FeatureInput,
+    /// What is there already.
+    #[option(flatten)]
+    pub replacing: Replacing,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+/// Make a page of terrain tiles for a browser, which asks a server of their folder for them
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own)]
+pub struct TilesPageOptions {
+    /// Show the edges of triangles from the start
+    pub edges: bool,
+    /// How it is lit at the start.
+    #[option(flatten)]
+    pub lighting: Lighting,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const ENDINGS: &[&str] = &["html", "htm"];
+
+impl Operation for PageOptions {
+    const NAME: &'static str = "page";
+    type Input = GridInput;
+    const WRITES: Writes = Writes::Page;
+    type Report = PageReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        check_ending(output, ENDINGS, "a page")
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<PageReport> {
+        let job = PageJob {
+            lighting: self.lighting.clone(),
+            edges: self.edges,
+            ..PageJob::of(&request, &self.replacing, &self.resources)
+        };
+        job.write(|| self.make(&job, request.progress, request.cancel), request.cancel)
+    }
+}
+
+impl PageOptions {
+    fn make(
+        &self,
+        job: &PageJob<'_>,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<(Page, PageReport)> {
+        let part = self.grid.bounds;
+        // A part is that of the page.
+        let whole = self.grid.unbounded();
+        let opening = whole.options(job.resources, cache_beside(job.resources.memory))?;
+        match (input::open(job.input.names(), &opening)?, &self.against) {
+            (Surface::Grid(_), Some(_)) => {
+                Err(Error::usage("‹against› is for a mesh, and this is a grid")
+                    .remedy("leave ‹against› out, or make a mesh of the grid with ‹terrane tin›"))
+            }
+            (Surface::Grid(grid), None) if self.insertion => {
+                insertion::page(grid.as_ref(), part, job, cancel)
+            }
+            (Surface::Grid(grid), None) => {
+                lattice::page(grid.as_ref(), part, job, progress, cancel)
+            }
+            (Surface::Mesh(_), _) if self.insertion => {
+                Err(Error::usage("samples of a grid are inserted, and this is a mesh")
+                    .remedy("name the grid that it was made from"))
+            }
+            (Surface::Mesh(mesh), Some(grid)) => {
+                let against = surface::Against { name: Inputs::from(grid.as_str()), opening };
+                surface::page(mesh.as_ref(), Some(&against), part, job, (progress, cancel))
+            }
+            (Surface::Mesh(mesh), None) => {
+                self.grid.refuse_for_meshes()?;
+                surface::page(mesh.as_ref(), None, part, job, (progress, cancel))
+            }
+        }
+    }
+}
+
+impl Operation for CloudPageOptions {
+    const NAME: &'static str = "cloud-page";
+    type Input = CloudInput;
+    const WRITES: Writes = Writes::Page;
+    type Report = PageReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        check_ending(output, ENDINGS, "a page")
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<PageReport> {
+        let heights = self.heights.clone();
+        let job = PageJob {
+            lighting: Lighting { heights, ..Lighting::default() },
+            ..PageJob::of(&request, &self.replacing, &self.resources)
+        };
+        let opening = self.cloud.options(&self.resources)?;
+        let make = || cloud::page((&opening, self.points), &job, request.progress, request.cancel);
+        job.write(make, request.cancel)
+    }
+}
+
+impl Operation for LinePageOptions {
+    const NAME: &'static str = "line-page";
+    type Input = FeatureInput;
+    const WRITES: Writes = Writes::Page;
+    type Report = PageReport;
+
+    fn check(&self, output: &Path) -> Result<()> {
+        check_ending(output, ENDINGS, "a page")
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<PageReport> {
+        let job = PageJob::of(&request, &self.replacing, &self.resources);
+        let layer = self.features.layer.as_ref();
+        job.write(|| lines::page(layer, &job, request.progress, request.cancel), request.cancel)
+    }
+}
+
+impl TilesPageOptions {
+    /// Makes the page of a folder of tiles in a file.
+    ///
+    /// # Errors
+    /// A folder whose tiles cannot be told from what it says of them; a file that cannot be written; cancelled.
+    pub fn run(&self, folder: &Inputs, output: &Path, cancel: &Cancel) -> Result<PageReport> {
+        let (lighting, edges) = (self.lighting.clone(), self.edges);
+        let (overwrite, resources) = (false, &self.resources);
+        let job = PageJob { input: folder, output, overwrite, lighting, edges, resources };
+        job.write(|| tiles::page(&job), cancel)
+    }
+}
+
+impl<'a> PageJob<'a> {
+    fn of(request: &Request<'a>, replacing: &Replacing, resources: &'a Resources) -> Self {
+        let Request { inputs: input, output, .. } = *request;
+        let overwrite = replacing.overwrite;
+        Self { input, output, overwrite, lighting: Lighting::default(), edges: false, resources }
+    }
+}

@@ -1,0 +1,266 @@
+//! The page of a folder of tiles. It holds none of them: from where it is served it asks for those that it shows.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+use super::{PageJob, PageReport};
+use crate::html::Page;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::{RawFile, path_of};
+
+/// The name of what says what there is.
+const LAYER: &str = "layer.json";
+/// The same of 3D Tiles.
+const TILESET: &str = "tileset.json";
+/// The names of folders beside each other, where there are tiles of several formats.
+const SETS: [&str; 2] = ["quantized-mesh", "3dtiles"];
+/// Most bytes of what says what there is: rectangles of a million tiles that touch no other.
+const MOST_TOLD: u64 = 64 << 20;
+
+/// What is read of a `layer.json`; the page reads it again, and more of it.
+#[derive(Debug, Deserialize)]
+struct Layer {
+    format: String,
+    #[serde(default = "tms")]
+    scheme: String,
+    #[serde(default = "degrees")]
+    projection: String,
+    tiles: Vec<String>,
+    #[serde(default = "world")]
+    bounds: [f64; 4],
+    #[serde(default)]
+    available: Vec<Vec<Rectangle>>,
+    #[serde(rename = "parentUrl")]
+    parent: Option<Value>,
+}
+
+/// What is read of a `tileset.json`: what terrane tells of its own.
+#[derive(Debug, Deserialize)]
+struct Tileset {
+    extras: Extras,
+}
+
+#[derive(Debug, Deserialize)]
+struct Extras {
+    terrane: Terrane,
+}
+
+#[derive(Debug, Deserialize)]
+struct Terrane {
+    bounds: [f64; 4],
+    levels: Vec<Level>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Level {
+    tiles: u64,
+}
+
+/// What a folder holds.
+struct Set {
+    format: &'static str,
+    told: &'static str,
+    levels: usize,
+    tiles: u64,
+    bounds: [f64; 4],
+}
+
+/// Tiles from one to another, both included.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Rectangle {
+    start_x: u64,
+    start_y: u64,
+    end_x: u64,
+    end_y: u64,
+}
+
+fn tms() -> String {
+    "tms".to_owned()
+}
+
+fn degrees() -> String {
+    "EPSG:4326".to_owned()
+}
+
+fn world() -> [f64; 4] {
+    [-180.0, -90.0, 180.0, 90.0]
+}
+
+/// True for a folder of terrain tiles, or of folders of them.
+pub fn is_tiles(path: &Path) -> bool {
+    let has = |folder: &Path| [LAYER, TILESET].iter().any(|name| folder.join(name).is_file());
+    has(path) || SETS.iter().any(|set| has(&path.join(set)))
+}
+
+pub(super) fn page(job: &PageJob<'_>) -> Result<(Page, PageReport)> {
+    let input = job.input.to_string();
+    let folder = path_of(&input);
+    let set = Set::read(&folder)?;
+    let none = || Error::new(ErrorKind::Internal, "there is no page of tiles");
+    let mut page = Page::new("tiles", &name(&folder)).ok_or_else(none)?;
+    let [land, water] = crate::render::palette();
+    page.fact("format", set.format);
+    page.fact("told", set.told);
+    page.fact("palette", json!({ "land": land, "water": water }));
+    job.put_look(&mut page);
+    let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));
+    Ok((
+        page,
+        PageReport { page: "tiles", levels, tiles, bounds: set.bounds, ..PageReport::default() },
+    ))
+}
+
+impl Set {
+    fn read(folder: &Path) -> Result<Self> {
+        let [told, tileset] = [LAYER, TILESET].map(|name| folder.join(name));
+        match (told.is_file(), tileset.is_file()) {
+            (true, _) => {
+                let layer: Layer = parsed(&told)?;
+                layer.check()?;
+                let tiles = layer.available.iter().flatten().map(Rectangle::count).sum();
+                let (levels, bounds) = (layer.available.len(), layer.bounds);
+                Ok(Self { format: SETS[0], told: LAYER, levels, tiles, bounds })
+            }
+            (false, true) => {
+                let Tileset { extras: Extras { terrane } } = parsed(&tileset)?;
+                let tiles = terrane.levels.iter().map(|level| level.tiles).sum();
+                let (levels, bounds) = (terrane.levels.len(), terrane.bounds);
+                Ok(Self { format: SETS[1], told: TILESET, levels, tiles, bounds })
+            }
+            (false, false) => {
+                Err(Error::usage("holds tiles of several formats, and a page shows one of them")
+                    .in_file(folder)
+                    .remedy(format!("name {}", folder.join(SETS[0]).display())))
+            }
+        }
+    }
+}
+
+/// What says what there is.
+fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let file = RawFile::open(path)?;
+    if file.size() > MOST_TOLD {
+        return Err(Error::limit("the file", file.size(), MOST_TOLD).in_file(path));
+    }
+    let bytes = file.read_vec(0, file.size())?;
+    serde_json::from_slice(&bytes).map_err(|e| {
+        Error::bad_input(format!("it does not tell of terrain tiles as terrane does: {e}"))
+            .in_file(path)
+            .remedy("name a folder that ‹terrane tiles› made")
+    })
+}
+
+impl Layer {
+    fn check(&self) -> Result<()> {
+        let Self { format, scheme, projection, .. } = self;
+        let refused = |what: String| {
+            Err(Error::unsupported(what).remedy("name a folder that ‹terrane tiles› made"))
+        };
+        if !format.starts_with("quantized-mesh-1.") {
+            return refused(format!("tiles are {format}, and a page shows quantized-mesh-1.x"));
+        }
+        if scheme != "tms" || projection != "EPSG:4326" {
+            return refused(format!(
+                "tiles are in {projection} by {scheme}, and a page shows EPSG:4326 by tms"
+            ));
+        }
+        if self.parent.is_some() {
+            return refused("tiles go on in another folder (parentUrl)".to_owned());
+        }
+        if self.available.is_empty() {
+            return refused("it is not told what tiles there are (available)".to_owned());
+        }
+        match self.tiles.first() {
+            Some(name) if is_beside(name) => Ok(()),
+            _ => refused("tiles are not in this folder".to_owned()),
+        }
+    }
+}
+
+/// True for a name in the folder itself, ending as the server knows it.
+fn is_beside(name: &str) -> bool {
+    let path = name.split('?').next().unwrap_or_default();
+    let is_plain = |part: &str| !part.is_empty() && !part.starts_with('.') && !part.contains(':');
+    path.split('/').all(is_plain) && path.ends_with(".terrain")
+}
+
+impl Rectangle {
+    fn count(&self) -> u64 {
+        let along = |from: u64, to: u64| (to + 1).saturating_sub(from);
+        along(self.start_x, self.end_x).saturating_mul(along(self.start_y, self.end_y))
+    }
+}
+
+/// The name of a folder, without those that it lies in.
+fn name(folder: &Path) -> String {
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    whole.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::page::tests::{job, within};
+    use terrane_raster::Inputs;
+
+    const LAYER_TEXT: &str = r#"{"format":"quantized-mesh-1.0","tiles":["{z}/{x}/{y}.terrain?v=1"],
+        "bounds":[7,46,8,47],"available":[[{"startX":0,"startY":0,"endX":1,"endY":0}],
+        [{"startX":2,"startY":1,"endX":2,"endY":1}]]}"#;
+
+    fn made(layer: &str) -> Result<PageReport> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(LAYER), layer).unwrap();
+        assert!(is_tiles(folder.path()));
+        let input = Inputs::from(folder.path().display().to_string());
+        let (made, report) = page(&job(&input, &within(1 << 30)))?;
+        let html = made.html();
+        assert!(
+            html.contains("connect-src 'self'")
+                && !html.contains(&*folder.path().to_string_lossy())
+        );
+        Ok(report)
+    }
+
+    #[test]
+    fn a_page_says_what_tiles_there_are() {
+        let report = made(LAYER_TEXT).unwrap();
+        assert_eq!(
+            (report.tiles, report.levels, report.bounds),
+            (Some(3), Some(2), [7.0, 46.0, 8.0, 47.0])
+        );
+    }
+
+    #[test]
+    fn other_tiles_are_refused_by_name() {
+        for (from, to, told) in [
+            ("quantized-mesh-1.0", "heightmap-1.0", "heightmap-1.0"),
+            ("{z}/", "https://example.org/{z}/", "not in this folder"),
+            ("{z}/", "../{z}/", "not in this folder"),
+            (".terrain", ".png", "not in this folder"),
+            ("\"bounds\"", "\"scheme\":\"slippyMap\",\"bounds\"", "slippyMap"),
+            ("\"bounds\"", "\"projection\":\"EPSG:3857\",\"bounds\"", "EPSG:3857"),
+            ("\"bounds\"", "\"parentUrl\":\"x\",\"bounds\"", "parentUrl"),
+            ("\"available\"", "\"others\"", "available"),
+            ("\"format\"", "\"form\"", "as terrane does: missing field `format`"),
+        ] {
+            let error = made(&LAYER_TEXT.replace(from, to)).unwrap_err().to_string();
+            assert!(error.contains(told) && error.contains("; "), "{told}: {error}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        assert!(!is_tiles(folder.path()));
+        let page = || {
+            let input = Inputs::from(folder.path().display().to_string());
+            page(&job(&input, &within(1 << 30))).unwrap_err().to_string()
+        };
+        let set = folder.path().join(SETS[0]);
+        std::fs::create_dir(&set).unwrap();
+        std::fs::write(set.join(LAYER), "{}").unwrap();
+        assert!(is_tiles(folder.path()) && page().contains("several formats"));
+        std::fs::write(folder.path().join(TILESET), r#"{"asset":{"version":"1.1"}}"#).unwrap();
+        assert!(page().contains("as terrane does: missing field `extras`"));
+    }
+}

@@ -1,0 +1,115 @@
+//! Where the light comes from, and how much of it a slope receives.
+
+use crate::render::Field;
+
+/// A main light with two weaker ones beside it, so that no slope is lost in the dark.
+#[derive(Clone, Copy, Debug)]
+pub struct Light {
+    /// Unit vectors towards the lights (east, north, up) with their weights.
+    sources: [([f32; 3], f32); 3],
+    /// What level ground receives.
+    level: f32,
+}
+
+impl Light {
+    /// Light from `azimuth` (degrees clockwise from north) and `altitude` (degrees above the
+    /// horizon).
+    pub fn new(azimuth: f64, altitude: f64) -> Self {
+        let beside = |turn: f64| towards(azimuth + turn, altitude);
+        let sources = [(beside(0.0), 0.64), (beside(-60.0), 0.18), (beside(60.0), 0.18)];
+        Self { sources, level: altitude.to_radians().sin() as f32 }
+    }
+
+    /// Light received (0 to 1) by a slope rising `east` and `north` (height per ground unit), with
+    /// 0.5 for level ground.
+    pub fn on(&self, east: f32, north: f32) -> f32 {
+        let length = (1.0 + east * east + north * north).sqrt();
+        let normal = [-east / length, -north / length, 1.0 / length];
+        let lit: f32 = self.sources.iter().map(|(l, w)| w * dot(*l, normal).max(0.0)).sum();
+        let bright = if lit > self.level {
+            0.5 + 0.5 * (lit - self.level) / (1.0 - self.level).max(1e-3)
+        } else {
+            0.5 * lit / self.level.max(1e-3)
+        };
+        bright.clamp(0.0, 1.0)
+    }
+}
+
+fn towards(azimuth: f64, altitude: f64) -> [f32; 3] {
+    let (az, alt) = (azimuth.to_radians(), altitude.to_radians());
+    [az.sin() * alt.cos(), az.cos() * alt.cos(), alt.sin()].map(|v| v as f32)
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Slope at (`col`, `row`) as height per pixel towards the right and upwards, from the neighbours
+/// that are there.
+pub(super) fn slope(field: &Field, col: usize, row: usize) -> [f32; 2] {
+    let here = field.at(col, row);
+    let left = field.at(col.wrapping_sub(1), row);
+    let above = field.at(col, row.wrapping_sub(1));
+    let right = difference(left, here, field.at(col + 1, row));
+    let up = -difference(above, here, field.at(col, row + 1));
+    [right, up]
+}
+
+/// Central difference, or one-sided beside a void, or 0 between two.
+fn difference(before: f32, here: f32, after: f32) -> f32 {
+    match (before.is_nan(), after.is_nan()) {
+        (false, false) => (after - before) / 2.0,
+        (true, false) => after - here,
+        (false, true) => here - before,
+        (true, true) => 0.0,
+    }
+}
+
+/// Steepness (rise over run) that the steeper slopes of a picture should have to read well.
+const PLEASING_STEEPNESS: f32 = 0.65;
+/// Which slope counts as one of the steeper ones.
+const STEEP_QUANTILE: f64 = 0.9;
+/// Slopes looked at, at most.
+const MOST_SLOPES: usize = 1 << 18;
+
+/// The vertical exaggeration that gives a field with pixels of `ground` units a readable relief:
+/// its steeper slopes come out near 33 degrees. 1 when all is flat.
+pub fn natural_exaggeration(field: &Field, ground: [f64; 2]) -> f64 {
+    let step = field.z.len().div_ceil(MOST_SLOPES).max(1);
+    let mut steepness: Vec<f32> = (0..field.z.len())
+        .step_by(step)
+        .filter(|&i| !field.z[i].is_nan())
+        .map(|i| slope(field, i % field.width, i / field.width))
+        .map(|[e, n]| (e / ground[0] as f32).hypot(n / ground[1] as f32))
+        .filter(|s| *s > 0.0 && s.is_finite())
+        .collect();
+    steepness.sort_by(f32::total_cmp);
+    let steep = steepness.get((steepness.len() as f64 * STEEP_QUANTILE) as usize);
+    steep.map_or(1.0, |&s| f64::from(PLEASING_STEEPNESS / s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slopes_facing_the_light_are_brighter_than_level_ground() {
+        let light = Light::new(315.0, 45.0);
+        assert!((light.on(0.0, 0.0) - 0.5).abs() < 0.05);
+        assert!(light.on(0.5, -0.5) > 0.6, "falls to the north-west");
+        assert!(light.on(-0.5, 0.5) < 0.4, "falls to the south-east");
+    }
+
+    #[test]
+    fn exaggeration_undoes_the_scale_of_heights() {
+        let ramp = |k: f32| Field {
+            width: 8,
+            height: 2,
+            z: (0..16).map(|i| k * (i % 8) as f32).collect(),
+        };
+        let one = natural_exaggeration(&ramp(1.0), [10.0, 10.0]);
+        let ten = natural_exaggeration(&ramp(10.0), [10.0, 10.0]);
+        assert!((one - 6.5).abs() < 1e-3 && (ten - 0.65).abs() < 1e-4);
+        assert_eq!(natural_exaggeration(&ramp(0.0), [1.0, 1.0]), 1.0);
+    }
+}

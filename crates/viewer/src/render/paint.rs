@@ -1,0 +1,251 @@
+//! From heights and strokes to the rows of a picture.
+
+use crate::render::light::slope;
+use crate::render::{Colours, Coverage, Field, Light, Tint};
+
+/// How a picture is to look.
+#[derive(Clone, Copy, Debug)]
+pub struct Style {
+    /// The light.
+    pub light: Light,
+    /// Heights are multiplied by this before slopes are lit.
+    pub exaggeration: f64,
+    /// Size of a field pixel on the ground, in the unit of heights.
+    pub ground: [f64; 2],
+    /// Field pixels per picture pixel, along each side.
+    pub fineness: usize,
+}
+
+/// What full shadow and full light make of a colour: cool below, warm above, as painters of relief
+/// have it.
+const SHADOW: [f32; 3] = [0.36, 0.39, 0.52];
+const LEVEL: [f32; 3] = [0.96, 0.96, 0.95];
+const BRIGHT: [f32; 3] = [1.17, 1.13, 1.04];
+/// Colour of triangle edges.
+const INK: [f32; 3] = [0.10, 0.13, 0.20];
+/// How much ridges are lifted out of, and valleys pushed into, the picture.
+const RIDGE: f32 = 0.16;
+/// Picture sides are divided in about this many parts to tell a ridge from a slope.
+const NEIGHBOURHOODS: usize = 48;
+/// How far from the border ridges count fully, in neighbourhoods.
+const BORDER: f64 = 2.0;
+
+/// Paints a field, row by row; rows are independent of each other.
+pub struct Painter<'a> {
+    field: &'a Field,
+    edges: Option<&'a Coverage>,
+    colours: Option<&'a Colours>,
+    tint: Tint,
+    style: Style,
+    /// Smoothed heights, to tell what stands out.
+    ground: Field,
+    stride: usize,
+    /// Heights that stand out by this much are lit fully.
+    prominence: f32,
+}
+
+impl<'a> Painter<'a> {
+    /// Prepares to paint `field`, whose sides are multiples of `style.fineness`, with `edges` (in
+    /// picture pixels) on top.
+    pub fn new(field: &'a Field, edges: Option<&'a Coverage>, style: Style) -> Self {
+        let stride = (field.width.max(field.height) / NEIGHBOURHOODS).max(1);
+        let ground = smooth(&field.coarser(stride));
+        let tint = Tint::of(field);
+        let mut painter = Self {
+            field,
+            edges,
+            colours: None,
+            tint,
+            style,
+            ground,
+            stride,
+            prominence: f32::INFINITY,
+        };
+        painter.prominence = painter.usual_prominence();
+        painter
+    }
+
+    /// Paints the surface's own colours, those of the field's pixels, in place of a tint by height: as they are
+    /// where it is level, and lit where it is not.
+    #[must_use]
+    pub fn coloured(self, colours: Option<&'a Colours>) -> Self {
+        Self { colours, ..self }
+    }
+
+    /// Picture columns.
+    pub fn width(&self) -> usize {
+        self.field.width / self.style.fineness
+    }
+
+    /// Picture rows.
+    pub fn height(&self) -> usize {
+        self.field.height / self.style.fineness
+    }
+
+    /// Paints picture row `row` into `out`: `4 * width` bytes, RGBA in sRGB, not premultiplied;
+    /// transparent where void.
+    pub fn row(&self, row: usize, out: &mut [u8]) {
+        for (col, pixel) in out.chunks_exact_mut(4).enumerate() {
+            let (colour, alpha) = self.pixel(col, row);
+            for (byte, channel) in pixel.iter_mut().zip([colour[0], colour[1], colour[2], alpha]) {
+                *byte = (channel.clamp(0.0, 1.0) * 255.0).round() as u8;
+            }
+        }
+    }
+
+    /// Colour and opacity of a picture pixel: the mean of its field pixels, inked by the edges.
+    fn pixel(&self, col: usize, row: usize) -> ([f32; 3], f32) {
+        let n = self.style.fineness;
+        let (mut sum, mut valid) = ([0.0f32; 3], 0.0f32);
+        for (dy, dx) in (0..n).flat_map(|dy| (0..n).map(move |dx| (dy, dx))) {
+            if let Some((colour, share)) = self.colour(col * n + dx, row * n + dy) {
+                (0..3).for_each(|i| sum[i] += colour[i] * share);
+                valid += share;
+            }
+        }
+        let paint = sum.map(|channel| if valid > 0.0 { channel / valid } else { channel });
+        let opacity = valid / (n * n) as f32;
+        let ink = self.edges.map_or(0.0, |edges| edges.at(col, row));
+        let alpha = ink + opacity * (1.0 - ink);
+        let over = |i: usize| (INK[i] * ink + paint[i] * opacity * (1.0 - ink)) / alpha.max(1e-6);
+        ([over(0), over(1), over(2)], alpha)
+    }
+
+    /// Tint and light of one field pixel, and its opacity; `None` where void.
+    fn colour(&self, col: usize, row: usize) -> Option<([f32; 3], f32)> {
+        let z = self.field.at(col, row);
+        if z.is_nan() {
+            return None;
+        }
+        let [right, up] = slope(self.field, col, row);
+        let steep =
+            |rise: f32, ground: f64| (f64::from(rise) * self.style.exaggeration / ground) as f32;
+        let [gx, gy] = self.style.ground;
+        let lit = self.style.light.on(steep(right, gx), steep(up, gy));
+        if let Some(colours) = self.colours {
+            let (own, level) = (colours.at(col, row), self.style.light.on(0.0, 0.0));
+            let shade = |i: usize| f32::from(own[i]) / 255.0 * lighten(i, lit) / lighten(i, level);
+            return Some(([shade(0), shade(1), shade(2)], f32::from(own[3]) / 255.0));
+        }
+        let ridge = RIDGE * (self.above_ground(z, col, row) / self.prominence).clamp(-1.0, 1.0);
+        let tint = self.tint.colour(z);
+        let shade = |i: usize| tint[i] * (1.0 + ridge) * lighten(i, lit);
+        Some(([shade(0), shade(1), shade(2)], 1.0))
+    }
+
+    /// Height above the smoothed ground, fading out towards the border, where the ground is that
+    /// of one side only.
+    fn above_ground(&self, z: f32, col: usize, row: usize) -> f32 {
+        let at = |i: usize| (i as f64 + 0.5) / self.stride as f64;
+        let ground = self.ground.bilinear(at(col) - 0.5, at(row) - 0.5);
+        let inside = |i: usize, end: usize| at(i).min(at(end - 1 - i));
+        let border = inside(col, self.field.width).min(inside(row, self.field.height));
+        let weight = (border / BORDER).min(1.0) as f32;
+        if ground.is_nan() { 0.0 } else { (z - ground) * weight }
+    }
+
+    /// Twice the mean height above or below the smoothed ground; infinite when all is level.
+    fn usual_prominence(&self) -> f32 {
+        let step = self.field.z.len().div_ceil(1 << 16).max(1);
+        let (mut sum, mut count) = (0.0f64, 0u64);
+        for i in (0..self.field.z.len()).step_by(step) {
+            let z = self.field.z[i];
+            if !z.is_nan() {
+                let (col, row) = (i % self.field.width, i / self.field.width);
+                sum += f64::from(self.above_ground(z, col, row).abs());
+                count += 1;
+            }
+        }
+        let mean = sum / count.max(1) as f64;
+        if mean > 0.0 { 2.0 * mean as f32 } else { f32::INFINITY }
+    }
+}
+
+/// Factor on channel `i` for light `lit` (0 shadow, 0.5 level, 1 bright).
+fn lighten(i: usize, lit: f32) -> f32 {
+    let (from, to, mix) =
+        if lit < 0.5 { (SHADOW, LEVEL, lit * 2.0) } else { (LEVEL, BRIGHT, lit * 2.0 - 1.0) };
+    from[i] + (to[i] - from[i]) * mix
+}
+
+/// Means over 3 x 3 neighbours.
+fn smooth(field: &Field) -> Field {
+    let mut out = Field::void(field.width, field.height);
+    for (i, mean) in out.z.iter_mut().enumerate() {
+        let (col, row) = (i % field.width, i / field.width);
+        let around =
+            (0..9).map(|k| field.at((col + k % 3).wrapping_sub(1), (row + k / 3).wrapping_sub(1)));
+        let (sum, count) = around
+            .filter(|z| !z.is_nan())
+            .fold((0.0f32, 0u32), |(sum, count), z| (sum + z, count + 1));
+        *mean = sum / count as f32;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn style(fineness: usize) -> Style {
+        let light = Light::new(315.0, 45.0);
+        Style { light, exaggeration: 1.0, ground: [1.0, 1.0], fineness }
+    }
+
+    fn paint(field: &Field, edges: Option<&Coverage>, fineness: usize) -> Vec<u8> {
+        let painter = Painter::new(field, edges, style(fineness));
+        let mut out = vec![0; painter.width() * painter.height() * 4];
+        let bytes = painter.width() * 4;
+        out.chunks_exact_mut(bytes).enumerate().for_each(|(row, line)| painter.row(row, line));
+        out
+    }
+
+    #[test]
+    fn voids_are_transparent_and_half_voids_half_so() {
+        let nan = f32::NAN;
+        let z = vec![nan, nan, 5.0, nan, nan, nan, 5.0, nan];
+        let picture = paint(&Field { width: 4, height: 2, z }, None, 2);
+        assert_eq!(picture[3], 0);
+        assert_eq!(picture[7], 128);
+    }
+
+    #[test]
+    fn edges_are_dark_on_top() {
+        let field = Field { width: 4, height: 4, z: vec![5.0; 16] };
+        let mut edges = Coverage::empty(4, 4);
+        edges.stroke([0.0, 1.5], [4.0, 1.5], 1.0, 1.0);
+        let picture = paint(&field, Some(&edges), 1);
+        assert!(picture[4 * 4] < 40 && picture[0] > 120);
+    }
+
+    #[test]
+    fn own_colours_are_as_they_are_where_it_is_level_and_lit_where_it_is_not() {
+        let colours = {
+            let mut colours = Colours::none(8, 8);
+            (0..64).for_each(|i| colours.put(i % 8, i / 8, [200.0, 100.0, 3.0, 255.0]));
+            colours.put(0, 0, [200.0, 100.0, 3.0, 127.5]);
+            colours
+        };
+        let painted = |slope: f32| {
+            let z = (0..64).map(|i| slope * (i % 8 + i / 8) as f32).collect();
+            let field = Field { width: 8, height: 8, z };
+            let painter = Painter::new(&field, None, style(1)).coloured(Some(&colours));
+            let mut out = vec![0; 8 * 4];
+            painter.row(0, &mut out);
+            out
+        };
+        let level = painted(0.0);
+        assert_eq!(level[..4], [200, 100, 3, 128], "half transparent");
+        assert_eq!(level[4..8], [200, 100, 3, 255]);
+        assert!(painted(1.0)[4] > 200 && painted(-1.0)[4] < 200);
+    }
+
+    #[test]
+    fn slopes_to_the_light_are_brighter() {
+        let hill = |sign: f32| {
+            let z = (0..64).map(|i| 100.0 + sign * (i % 8 + i / 8) as f32).collect();
+            paint(&Field { width: 8, height: 8, z }, None, 1)[4 * 36]
+        };
+        assert!(hill(1.0) > hill(-1.0));
+    }
+}

@@ -1,0 +1,145 @@
+//! Hypsometric tint: colours by height, chosen so that the whole palette is used.
+
+use crate::render::Field;
+
+/// Colour stops of land, low to high, in sRGB.
+const LAND: [[u8; 3]; 8] = [
+    [118, 161, 128],
+    [150, 184, 138],
+    [193, 206, 150],
+    [226, 217, 168],
+    [217, 187, 138],
+    [188, 147, 114],
+    [176, 158, 148],
+    [246, 244, 241],
+];
+/// Colour stops of ground at or below zero, deep to shallow.
+const WATER: [[u8; 3]; 3] = [[74, 124, 160], [126, 172, 198], [184, 214, 226]];
+/// Colour stops of land, low to high, and of water, deep to shallow: red, green and blue in sRGB.
+pub fn palette() -> [&'static [[u8; 3]]; 2] {
+    [&LAND, &WATER]
+}
+
+/// Steps of height whose areas are counted.
+const BINS: usize = 2048;
+
+/// Maps heights to colours.
+#[derive(Clone, Debug)]
+pub struct Tint {
+    /// Lowest and highest height with land colours.
+    low: f32,
+    high: f32,
+    /// Deepest water; `None` when nothing is water.
+    deepest: Option<f32>,
+    /// Palette position (0 to 1) at the upper end of each of `BINS` equal steps of height.
+    positions: Vec<f32>,
+}
+
+impl Tint {
+    /// A tint for the heights of `field`: halfway between equal steps of height and equal areas of
+    /// colour. Heights at or below zero are water where there is land too.
+    pub fn of(field: &Field) -> Self {
+        let (min, max) = range(field, |_| true);
+        let deepest = (min <= 0.0 && max > 0.0).then_some(min);
+        let is_land = |z: f32| deepest.is_none() || z > 0.0;
+        let (low, high) = range(field, is_land);
+        let positions = positions(field, low, high, is_land);
+        Self { low, high, deepest, positions }
+    }
+
+    /// Lowest and highest height on land.
+    pub fn land_range(&self) -> (f32, f32) {
+        (self.low, self.high)
+    }
+
+    /// The colour of a height, channels 0 to 1 in sRGB.
+    pub fn colour(&self, z: f32) -> [f32; 3] {
+        match self.deepest {
+            Some(deepest) if z <= 0.0 => pick(&WATER, 1.0 - self.depth(z, deepest)),
+            _ => pick(&LAND, self.land_position(z)),
+        }
+    }
+
+    /// Depth from 0 to 1; shallow seas use only the light end, compared with the land's heights.
+    fn depth(&self, z: f32, deepest: f32) -> f32 {
+        if deepest < 0.0 { z / deepest.min(-0.5 * self.high) } else { 0.0 }
+    }
+
+    fn land_position(&self, z: f32) -> f32 {
+        let at = bin_position(z, self.low, self.high);
+        let bin = (at as usize).min(BINS - 1);
+        let before = if bin == 0 { 0.0 } else { self.positions[bin - 1] };
+        before + (self.positions[bin] - before) * (at - bin as f32)
+    }
+}
+
+fn range(field: &Field, keep: impl Fn(f32) -> bool) -> (f32, f32) {
+    let kept = field.z.iter().filter(|&&z| !z.is_nan() && keep(z));
+    kept.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &z| (low.min(z), high.max(z)))
+}
+
+/// Position of a height on the scale of bins, 0 to `BINS`; the middle when all heights are one.
+fn bin_position(z: f32, low: f32, high: f32) -> f32 {
+    let share = (z - low) / (high - low);
+    if share.is_finite() { share.clamp(0.0, 1.0) * BINS as f32 } else { 0.5 * BINS as f32 }
+}
+
+fn positions(field: &Field, low: f32, high: f32, keep: impl Fn(f32) -> bool) -> Vec<f32> {
+    let mut counts = vec![0u64; BINS];
+    for &z in field.z.iter().filter(|&&z| !z.is_nan() && keep(z)) {
+        counts[(bin_position(z, low, high) as usize).min(BINS - 1)] += 1;
+    }
+    let all = counts.iter().sum::<u64>().max(1) as f32;
+    let mut below = 0;
+    let mut position = |(bin, count): (usize, &u64)| {
+        below += count;
+        0.5 * (below as f32 / all) + 0.5 * (bin + 1) as f32 / BINS as f32
+    };
+    counts.iter().enumerate().map(&mut position).collect()
+}
+
+/// The colour at `position` (0 to 1) between evenly spaced stops.
+fn pick(stops: &[[u8; 3]], position: f32) -> [f32; 3] {
+    let at = position.clamp(0.0, 1.0) * (stops.len() - 1) as f32;
+    let stop = (at as usize).min(stops.len() - 2);
+    let mix = at - stop as f32;
+    let channel = |i: usize| {
+        let (a, b) = (f32::from(stops[stop][i]), f32::from(stops[stop + 1][i]));
+        (a + (b - a) * mix) / 255.0
+    };
+    [channel(0), channel(1), channel(2)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field(z: &[f32]) -> Field {
+        Field { width: z.len(), height: 1, z: z.to_vec() }
+    }
+
+    #[test]
+    fn the_palette_runs_from_lowest_to_highest_land() {
+        let tint = Tint::of(&field(&[100.0, 150.0, f32::NAN, 900.0]));
+        assert_eq!(tint.land_range(), (100.0, 900.0));
+        assert_eq!(tint.colour(900.0), LAND[7].map(|c| f32::from(c) / 255.0));
+        assert!(tint.colour(100.0)[0] < tint.colour(150.0)[0]);
+    }
+
+    #[test]
+    fn zero_is_water_only_beside_land() {
+        let blue = |c: [f32; 3]| c[2] > c[1];
+        assert!(blue(Tint::of(&field(&[0.0, 5.0])).colour(0.0)));
+        assert!(!blue(Tint::of(&field(&[-9.0, -5.0])).colour(-9.0)));
+        assert!(!blue(Tint::of(&field(&[3.0, 5.0])).colour(3.0)));
+        let deep = Tint::of(&field(&[-100.0, -1.0, 50.0]));
+        assert!(deep.colour(-100.0)[0] < deep.colour(-1.0)[0]);
+    }
+
+    #[test]
+    fn level_and_empty_fields_have_a_colour() {
+        for z in [&[7.0, 7.0][..], &[f32::NAN][..]] {
+            assert!(Tint::of(&field(z)).colour(7.0).iter().all(|c| (0.0..=1.0).contains(c)));
+        }
+    }
+}

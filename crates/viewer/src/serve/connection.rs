@@ -1,0 +1,181 @@
+//! One client: requests one after the other, each within a time, and what they are answered with.
+
+use std::io::{self, Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::time::{Duration, Instant};
+
+use crate::serve::clients::Client;
+use crate::serve::folder::{Folder, Found};
+use crate::serve::request::{self, BAD, MOST_HEAD, NOT_ALLOWED, NOT_FOUND, Refusal, Request};
+
+/// How long the whole head of a request may take, and each block that a client is sent.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// How long a client may go on after its last answer.
+const FAREWELL: Duration = Duration::from_secs(1);
+/// Bytes of a file that are sent at once.
+const BLOCK: usize = 64 << 10;
+/// Between the head of a request and what follows.
+const END: &[u8] = b"\r\n\r\n";
+/// What every answer says: nobody else may read it, and it is what it says it is.
+const GUARDS: &str = "X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
+                      Cross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n\
+                      Cache-Control: no-cache\r\n";
+/// What a file may do that is opened by itself. The page says so itself, for it alone has a script.
+const NOTHING: &str = "default-src 'none'; frame-ancestors 'none'; sandbox";
+const NO_FRAMES: &str = "frame-ancestors 'none'";
+/// What browsers ask for by themselves.
+const ICON: &str = "favicon.ico";
+
+/// A client that is listened to.
+pub(crate) struct Connection<'a> {
+    stream: &'a TcpStream,
+    client: &'a Client<'a>,
+    port: u16,
+    /// What came of the request after this one.
+    ahead: Vec<u8>,
+}
+
+impl<'a> Connection<'a> {
+    pub(crate) fn new(stream: &'a TcpStream, client: &'a Client<'a>, port: u16) -> Self {
+        Self { stream, client, port, ahead: Vec::new() }
+    }
+
+    /// Answers until the client has enough, is too slow, or sends what is no request.
+    pub(crate) fn attend(mut self, folder: &Folder) {
+        let _ = self.stream.set_nodelay(true);
+        loop {
+            match self.answer(folder) {
+                Ok(true) => self.client.is_alive(),
+                Ok(false) => return self.part().unwrap_or_default(),
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// Says that nothing more will come, and lets go by what the client still sends: while some of it is unread, the
+    /// system may drop the answer.
+    fn part(&self) -> io::Result<()> {
+        self.stream.shutdown(Shutdown::Write)?;
+        let (mut stream, mut block) = (self.stream, [0; 2048]);
+        let end = Instant::now() + FAREWELL;
+        loop {
+            stream.set_read_timeout(Some(left(end)?))?;
+            if stream.read(&mut block)? == 0 {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Answers one request; whether there may be another.
+    fn answer(&mut self, folder: &Folder) -> io::Result<bool> {
+        let head = match self.head()? {
+            Ok(Some(head)) => head,
+            Ok(None) => return Ok(false),
+            Err(refusal) => return self.refuse(refusal, false, false),
+        };
+        self.client.is_alive();
+        let request = match Request::read(&head, self.port) {
+            Ok(request) => request,
+            // What stands behind it is known where it is only the name or the method that is not.
+            Err(refusal) => return self.refuse(refusal, head.starts_with(b"HEAD "), false),
+        };
+        let Request { is_head, stays, .. } = request;
+        if request.name == [ICON] {
+            return self.send("HTTP/1.1 204 No Content\r\n", "", stays).map(|()| stays);
+        }
+        match folder.find(&request.name) {
+            Some(found) => self.found(found, &request).map(|()| stays),
+            None => self.refuse(NOT_FOUND, is_head, stays),
+        }
+    }
+
+    /// The next head, without the empty line; `None` when the client has gone.
+    fn head(&mut self) -> io::Result<Result<Option<Vec<u8>>, Refusal>> {
+        let end = Instant::now() + PATIENCE;
+        let mut block = [0; 2048];
+        loop {
+            if let Some(at) = self.ahead.windows(END.len()).position(|four| four == END) {
+                let rest = self.ahead.split_off(at + END.len());
+                let mut head = std::mem::replace(&mut self.ahead, rest);
+                head.truncate(at);
+                return Ok(if at > MOST_HEAD { Err(request::TOO_LARGE) } else { Ok(Some(head)) });
+            }
+            if self.ahead.len() > MOST_HEAD + END.len() {
+                return Ok(Err(request::TOO_LARGE));
+            }
+            self.stream.set_read_timeout(Some(left(end)?))?;
+            let mut stream = self.stream;
+            match stream.read(&mut block)? {
+                0 if self.ahead.is_empty() => return Ok(Ok(None)),
+                0 => return Ok(Err(BAD)),
+                count => self.ahead.extend(&block[..count]),
+            }
+        }
+    }
+
+    fn found(&self, found: Found, request: &Request) -> io::Result<()> {
+        let Found { mut file, size, kind, is_gzip, is_page, tag } = found;
+        let policy = if is_page { NO_FRAMES } else { NOTHING };
+        let of = format!("ETag: {tag}\r\nContent-Security-Policy: {policy}\r\n");
+        if request.has.as_ref().is_some_and(|has| *has == tag) {
+            return self.send("HTTP/1.1 304 Not Modified\r\n", &of, request.stays);
+        }
+        let encoding = if is_gzip { "Content-Encoding: gzip\r\n" } else { "" };
+        let of = format!("{of}Content-Type: {kind}\r\nContent-Length: {size}\r\n{encoding}");
+        self.send("HTTP/1.1 200 OK\r\n", &of, request.stays)?;
+        if request.is_head {
+            return Ok(());
+        }
+        let (mut block, mut rest) = (vec![0; BLOCK.min(size as usize)], size);
+        while rest > 0 {
+            let count = block.len().min(rest as usize);
+            // A file that became shorter: there is no way to say so but to end.
+            file.read_exact(&mut block[..count])?;
+            self.write(&block[..count])?;
+            rest -= count as u64;
+        }
+        Ok(())
+    }
+
+    /// Says why not; whether there may be another request.
+    fn refuse(&self, refusal: Refusal, is_head: bool, stays: bool) -> io::Result<bool> {
+        let Refusal { status, told } = refusal;
+        let allow = if refusal == NOT_ALLOWED { "Allow: GET, HEAD\r\n" } else { "" };
+        let of = format!(
+            "{allow}Content-Security-Policy: {NOTHING}\r\nContent-Type: text/plain; charset=utf-8\r\n\
+             Content-Length: {}\r\n",
+            told.len() + 1
+        );
+        self.send(&format!("HTTP/1.1 {status}\r\n"), &of, stays)?;
+        if !is_head {
+            self.write(format!("{told}\n").as_bytes())?;
+        }
+        Ok(stays)
+    }
+
+    /// Sends the head of an answer.
+    fn send(&self, status: &str, of: &str, stays: bool) -> io::Result<()> {
+        let stays = if stays { "keep-alive" } else { "close" };
+        self.write(format!("{status}{of}{GUARDS}Connection: {stays}\r\n\r\n").as_bytes())
+    }
+
+    fn write(&self, bytes: &[u8]) -> io::Result<()> {
+        let (mut stream, end) = (self.stream, Instant::now() + PATIENCE);
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            stream.set_write_timeout(Some(left(end)?))?;
+            match stream.write(rest)? {
+                0 => return Err(io::ErrorKind::WriteZero.into()),
+                count => rest = &rest[count..],
+            }
+        }
+        self.client.is_alive();
+        Ok(())
+    }
+}
+
+/// The time until `end`; an error when it has passed.
+fn left(end: Instant) -> io::Result<Duration> {
+    let left = end.saturating_duration_since(Instant::now());
+    if left.is_zero() { Err(io::ErrorKind::TimedOut.into()) } else { Ok(left) }
+}

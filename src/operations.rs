@@ -1,0 +1,65 @@
+//! All operations. A new one is a file with its options and its work, and a line here.
+
+use terrane_engine::operation::AnyOperation;
+use terrane_lidar::cloud_tin::CloudTinOptions;
+use terrane_lidar::grid::GridOptions;
+use terrane_lidar::translate::PointsOptions;
+use terrane_simplify::LineOptions;
+use terrane_terrain::colours::ColorReliefOptions;
+use terrane_terrain::contour::ContourOptions;
+use terrane_terrain::convert::ConvertOptions;
+use terrane_terrain::relief::{
+    AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
+    TriOptions,
+};
+use terrane_terrain::tin::TinOptions;
+use terrane_tiles::{CloudTilesOptions, TilesOptions};
+use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions};
+use terrane_viewer::view::PictureOptions;
+
+/// All operations that write a file, in the order of the help.
+pub const OPERATIONS: &[AnyOperation] = &[
+    AnyOperation::divisible::<TinOptions>(),
+    AnyOperation::divisible::<CloudTinOptions>(),
+    AnyOperation::of::<ConvertOptions>(),
+    AnyOperation::divisible::<GridOptions>(),
+    AnyOperation::divisible::<PointsOptions>(),
+    AnyOperation::of::<ContourOptions>(),
+    AnyOperation::of::<LineOptions>(),
+    AnyOperation::divisible::<TilesOptions>(),
+    AnyOperation::of::<CloudTilesOptions>(),
+    AnyOperation::of::<SlopeOptions>(),
+    AnyOperation::of::<AspectOptions>(),
+    AnyOperation::of::<HillshadeOptions>(),
+    AnyOperation::of::<ColorReliefOptions>(),
+    AnyOperation::of::<CurvatureOptions>(),
+    AnyOperation::of::<RoughnessOptions>(),
+    AnyOperation::of::<TpiOptions>(),
+    AnyOperation::of::<TriOptions>(),
+    AnyOperation::of::<PictureOptions>(),
+    AnyOperation::of::<PageOptions>(),
+    AnyOperation::of::<CloudPageOptions>(),
+    AnyOperation::of::<LinePageOptions>(),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::OPERATIONS;
+
+    #[test]
+    fn names_of_operations_and_of_their_options_are_unique() {
+        let is_unique = |mut names: Vec<&str>| {
+            names.sort_unstable();
+            names.windows(2).all(|pair| pair[0] != pair[1])
+        };
+        assert!(is_unique(OPERATIONS.iter().map(|operation| operation.name).collect()));
+        for operation in OPERATIONS {
+            let fields = operation.table.fields();
+            let names = fields.iter().flat_map(|own| own.aliases.iter().copied().chain([own.name]));
+            assert!(is_unique(names.collect()), "{}", operation.name);
+            let letters = fields.iter().filter_map(|own| own.short).map(String::from);
+            let letters: Vec<String> = letters.collect();
+            assert!(is_unique(letters.iter().map(String::as_str).collect()), "{}", operation.name);
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Setters of the options of jobs, and what else is done with them: traits, to be had by `use terrane::prelude::*`.
+
+pub use crate::facade::Data;
+pub use terrane_engine::ResourcesSetters;
+pub use terrane_engine::options::{
+    CloudInputSetters, ConstraintsSetters, FeatureInputSetters, FileOutputSetters,
+    GridInputSetters, GridOutputSetters, PointFilterSetters, ReplacingSetters, ReprojectionSetters,
+    ResumingSetters,
+};
+pub use terrane_engine::placing::PlacingSetters;
+pub use terrane_engine::plan::RunSetters;
+pub use terrane_lidar::cloud_tin::CloudTinSetters;
+pub use terrane_lidar::grid::GridSetters;
+pub use terrane_lidar::translate::PointsSetters;
+pub use terrane_simplify::LineSetters;
+pub use terrane_terrain::colours::ColorReliefSetters;
+pub use terrane_terrain::contour::ContourSetters;
+pub use terrane_terrain::convert::ConvertSetters;
+pub use terrane_terrain::relief::{
+    AspectSetters, CurvatureSetters, DerivativeSetters, HillshadeSetters, RoughnessSetters,
+    SlopeSetters, TpiSetters, TriSetters,
+};
+pub use terrane_terrain::tin::{
+    BuildTin, PlaceSamples, RefinementSetters, TargetSetters, TinSetters,
+};
+pub use terrane_terrain::warp::LatticeSetters;
+pub use terrane_tiles::{CloudTilesSetters, ModelSetters, TileSetters, TilesSetters};
+pub use terrane_verify::{
+    CloudMeshProofSetters, CloudTilesProofSetters, LineProofSetters, MeshProofSetters,
+    TilesProofSetters,
+};
+pub use terrane_viewer::info::{
+    CloudInfoSetters, FeaturesInfoSetters, GridInfoSetters, MeshInfoSetters,
+};
+pub use terrane_viewer::page::{CloudPageSetters, LinePageSetters, PageSetters, TilesPageSetters};
+pub use terrane_viewer::view::{ExaggerationSetters, LightingSetters, PictureSetters};
