@@ -88,10 +88,6 @@ pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
 pub use terrane_baselines::Triangulation;
 pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, Marks, PointFormat, Return};
-pub use terrane_engine::Cancel;
-pub use terrane_engine::FileAt;
-pub use terrane_engine::Progress;
-pub use terrane_engine::Silent;
 pub use terrane_engine::figures::Figures;
 pub use terrane_engine::input::is_mesh;
 pub use terrane_engine::operation::{
@@ -102,6 +98,7 @@ pub use terrane_engine::placing::Placing;
 pub use terrane_engine::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
 pub use terrane_engine::proof::Inspection;
 pub use terrane_engine::proof::{Proof, Verdict, Written};
+pub use terrane_engine::{Cancel, FileAt, Progress, Silent};
 pub use terrane_lidar::cloud_tin::{CloudTinOptions, CloudTinReport};
 pub use terrane_lidar::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
 pub use terrane_lidar::translate::{

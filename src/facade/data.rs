@@ -4,10 +4,9 @@ use std::path::Path;
 
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::operation::{AnyOperation, Call, Request};
 use terrane_engine::plan::AnyPlan as Plan;
+use terrane_engine::{Cancel, Progress};
 use terrane_raster::Inputs;
 
 /// Data in files or in memory that [`OPERATIONS`](crate::OPERATIONS) are done with by name: a grid, a cloud, features, or a

@@ -6,18 +6,16 @@ use std::sync::Arc;
 use serde_json::{Map, Value as Json};
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
-use terrane_engine::Resources;
-use terrane_engine::memory;
 use terrane_engine::operation::{Has, Job};
 use terrane_engine::options::GridInput;
 use terrane_engine::proof::{Proof, Written};
+use terrane_engine::{Resources, memory};
 use terrane_files::name_of;
 use terrane_options::{Options, to_map};
 use terrane_raster::{
     self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
 };
-use terrane_terrain::colours::ColorReliefOptions;
-use terrane_terrain::colours::ColorReliefSetters;
+use terrane_terrain::colours::{ColorReliefOptions, ColorReliefSetters};
 use terrane_terrain::contour::ContourOptions;
 use terrane_terrain::convert::ConvertOptions;
 use terrane_terrain::relief::{

@@ -4,9 +4,7 @@ use std::path::Path;
 
 use spade::{DelaunayTriangulation, HasPosition, Point2, PositionInTriangulation, Triangulation};
 use terrane_cloud::{Filter, OpenOptions, PointFormat, Return, synth};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::survey;
 use terrane_lidar::translate::{Above, Classify, HeightsAs, TranslateJob};

@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use terrane_cloud::{Filter, OpenOptions};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::translate::plan::{PlanPointsJob, PointsWritten, plan_points};
 use terrane_lidar::translate::{

@@ -7,10 +7,8 @@ use terrane_base::geom::wkt;
 use terrane_cloud::synth;
 use terrane_cloud::{Filter, OpenOptions, PointFormat, PointSource, Return};
 use terrane_crs::Operation;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::transform::Transform;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::survey;
 use terrane_lidar::translate::{self, BufferMark, Squares, TranslateJob, TranslateReport};
 

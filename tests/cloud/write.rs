@@ -10,9 +10,7 @@ use terrane_cloud::write::{
     CHUNK, CloudWriter, Packing, PointFormat, Record, WriteOptions, packing_by_name,
 };
 use terrane_cloud::{Filter, OpenOptions, PointSource, Return};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::survey::{self, SurveyJob};
 
 pub(crate) fn options(format: u8, compress: bool) -> WriteOptions {

@@ -5,9 +5,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use terrane_base::Error;
-use terrane_base::Result;
 use terrane_base::geom::{Crs, Point3};
+use terrane_base::{Error, Result};
 use terrane_mesh::{MeshBatch, MeshFormat, MeshHeader, MeshSource, Promises, SinkOptions};
 
 /// A mesh held in memory.

@@ -8,9 +8,7 @@ use crate::cloud_support::{Made, Packing, Place, Random, copc, keep_all, read_fi
 use crate::data;
 use terrane::{ErrorKind, Result};
 use terrane_cloud::{Census, OpenOptions};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::translate::{self, TranslateJob};
 
 /// Far below what any of the lying headers asks for.

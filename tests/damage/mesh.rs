@@ -4,8 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::held::{self, Mesh};
-use terrane_base::Error;
-use terrane_base::ErrorKind;
+use terrane_base::{Error, ErrorKind};
 use terrane_mesh::{self as mesh, FORMATS, SinkOptions};
 
 struct Lab {

@@ -7,11 +7,9 @@ use std::path::Path;
 
 use crate::cli_support::Place;
 use crate::support::{Lots, Written, read};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
 use terrane_lidar::grid::plan::{PlanGridJob, plan_grid};
 use terrane_lidar::grid::{GridJob, GridOptions, GridReport, Preset, run};

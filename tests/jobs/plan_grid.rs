@@ -3,13 +3,10 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use terrane_base::ErrorKind;
-use terrane_base::Result;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_base::{ErrorKind, Result};
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{DiskCheck, Form, RunJob, RunReport};
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
 use terrane_lidar::grid::plan::{CellRun, PlanGridJob, plan_grid};
 use terrane_lidar::grid::{GridJob, GridOptions, GroundFrom, Preset, run};

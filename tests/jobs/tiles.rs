@@ -1,7 +1,6 @@
 //! Tiles of the globe by a job that is made by hand.
 
-use terrane_engine::Cancel;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Silent};
 use terrane_tiles::{TilesJob, run};
 
 #[test]

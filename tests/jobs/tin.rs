@@ -7,13 +7,11 @@ use support::{
     Capture, FunctionGrid, Mesh, check_followed, check_kept, hills, largest_crossing, noise,
     non_delaunay_edges, thin, validate,
 };
-use terrane_base::ErrorKind;
-use terrane_base::Result;
 use terrane_base::bound::Bound;
-use terrane_engine::Cancel;
-use terrane_engine::Silent;
+use terrane_base::{ErrorKind, Result};
 use terrane_engine::breaklines::Breaklines;
 use terrane_engine::kept::Kept;
+use terrane_engine::{Cancel, Silent};
 use terrane_terrain::tin::{Flaws, Outcome, Settings, run_on};
 use terrane_tin::{AngleBound, Spec};
 

@@ -2,11 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_base::ErrorKind;
-use terrane_base::Result;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_base::{ErrorKind, Result};
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_mesh as mesh;
 use terrane_terrain::tin::{Goal, TinJob, TinReport, run};
 

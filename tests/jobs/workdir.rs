@@ -2,13 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_base::ErrorKind;
-use terrane_base::Result;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_base::{ErrorKind, Result};
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_terrain::tin::{
     Goal, PlanJob, RunReport, StatusReport, TinJob, TinOptions, plan_work, run, run_in,
 };

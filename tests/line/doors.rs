@@ -4,9 +4,7 @@
 use std::path::Path;
 
 use terrane::ErrorKind;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
 use terrane_line::registry::Bounds;
 use terrane_proof::lines::{self, Distance, Question};

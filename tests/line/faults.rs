@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use terrane::ErrorKind;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
 use terrane_line::registry::Bounds;
 use terrane_line::topology::{Collapse, Strategy};

@@ -11,9 +11,7 @@ mod worlds;
 use std::path::{Path, PathBuf};
 
 use crate::coverage;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::Xy;
 use terrane_line::topology::{Chains, Collapse, Kept, Strategy};
 use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};

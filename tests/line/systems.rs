@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use serde_json::{Value, json};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_simplify::{Goal, Length, LineJob, run};
 use terrane_vector::FORMATS;
 use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};

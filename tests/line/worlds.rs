@@ -10,9 +10,7 @@ mod whole;
 use std::collections::{BTreeMap, BTreeSet};
 
 use lattice::{Cell, Segment, Shape, Way, closed, crowd, moved, world};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
 use terrane_line::topology::{Collapse, Strategy};
 use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};

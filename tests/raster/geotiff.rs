@@ -5,9 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{open_band, read_all};
-use terrane_base::Error;
-use terrane_base::ErrorKind;
 use terrane_base::geom::{Affine, Rect};
+use terrane_base::{Error, ErrorKind};
 use terrane_raster::{GridSource, OpenOptions, open};
 
 struct Folder(tempfile::TempDir);

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{self, open_band, read_all, read_in_windows};
 use terrane::ErrorKind;
-use terrane_engine::Cancel;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Silent};
 use terrane_raster::{OpenOptions, open};
 use terrane_terrain::convert::{self, ConvertJob};
 

@@ -7,9 +7,8 @@ use crate::data;
 use crate::raster_support::{self, crc, read_all, read_in_windows, same};
 use proptest::prelude::*;
 use tempfile::TempDir;
-use terrane_base::ErrorKind;
-use terrane_base::Result;
 use terrane_base::geom::Rect;
+use terrane_base::{ErrorKind, Result};
 use terrane_raster::{GridSource, OpenOptions, SampleType, open, open_all};
 
 const NODATA: f64 = -9999.0;

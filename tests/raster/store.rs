@@ -3,12 +3,9 @@
 
 use std::path::Path;
 
-use terrane_base::Error;
-use terrane_base::ErrorKind;
-use terrane_base::Result;
 use terrane_base::geom::{Affine, Crs, Rect};
-use terrane_engine::Cancel;
-use terrane_engine::Silent;
+use terrane_base::{Error, ErrorKind, Result};
+use terrane_engine::{Cancel, Silent};
 use terrane_raster::store::{Heights, StoreWriter};
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, SampleType};
 use terrane_terrain::convert::{ConvertJob, ConvertReport, copy, run};

@@ -7,8 +7,7 @@ use std::path::Path;
 use crate::cli_support::{Place, json};
 use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{open_band, read_all};
-use terrane_engine::Cancel;
-use terrane_engine::Silent;
+use terrane_engine::{Cancel, Silent};
 use terrane_raster::{SampleType, write};
 use terrane_terrain::convert::{self, ConvertJob};
 

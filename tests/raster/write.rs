@@ -4,12 +4,9 @@
 use std::fs::File;
 use std::path::Path;
 
-use terrane_base::Error;
-use terrane_base::ErrorKind;
-use terrane_base::Result;
 use terrane_base::geom::{Affine, Crs, Rect};
-use terrane_engine::Cancel;
-use terrane_engine::Silent;
+use terrane_base::{Error, ErrorKind, Result};
+use terrane_engine::{Cancel, Silent};
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, SampleType, write};
 use terrane_terrain::convert::{ConvertJob, ConvertReport, copy};
 

@@ -3,10 +3,8 @@
 use crate::support::{Grid, Mesh, delaunay, noise};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::kept::Kept;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{Asked, VerifyReport, verify};
 
 fn prove(mesh: &Mesh, grid: &Grid, degrees: Option<f64>, memory: u64) -> VerifyReport {

@@ -3,11 +3,9 @@
 use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::breaklines::Breaklines;
 use terrane_engine::kept::Kept;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{Asked, VerifyReport, verify};
 
 type Ends = [[u32; 2]; 2];

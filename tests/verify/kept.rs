@@ -3,10 +3,8 @@
 use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::kept::Kept;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{Asked, Place, VerifyReport, verify};
 
 fn prove(mesh: &Mesh, grid: &Grid, kept: &Kept, memory: u64) -> VerifyReport {

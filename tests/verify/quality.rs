@@ -5,10 +5,8 @@ use std::path::Path;
 use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use terrane::Result;
 use terrane_base::geom::{Affine, Crs};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::input::mesh_bounds;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{Against, Measured, QualityReport, quality};
 
 fn measured(

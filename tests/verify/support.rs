@@ -4,10 +4,8 @@
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::{Bound, Result};
 use terrane_base::geom::{Point3, Rect};
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
-use terrane_engine::Silent;
 use terrane_engine::figures::Figures;
+use terrane_engine::{Cancel, Resources, Silent};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 use terrane_verify::{Asked, VerifyReport, verify};

@@ -4,8 +4,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Resources;
-use crate::peak_memory;
+use crate::{Resources, peak_memory};
 
 /// What a run was allowed and what it took.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -3,9 +3,8 @@
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use crate::Resources;
-use crate::geoid;
 use crate::transform::extent_of;
+use crate::{Resources, geoid};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Heights};
 use terrane_crs::{Geoid, Operation};

@@ -6,9 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::Cancel;
-use crate::Progress;
-use crate::Resources;
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{self, Point3, Rect};
 use terrane_files::{is_made, path_of};

@@ -13,17 +13,13 @@ use terrane_options::{
     Options, Role, Table, changed, check, check_given, check_planned, fill, to_map,
 };
 
-use crate::Cancel;
-use crate::Progress;
-use crate::Resources;
-use crate::Silent;
-use crate::memory;
 use crate::options::{
     CloudInput, FeatureInput, FileOutput, GridInput, GridOutput, PointFilter, Replacing,
 };
 use crate::outputs::not_among;
 use crate::plan::{AnyPlan, Division, Kind, RunJob, RunReport, StatusReport, Written};
 use crate::sift::Skipped;
+use crate::{Cancel, Progress, Resources, Silent, memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;
 use terrane_files::path_of;

@@ -7,10 +7,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Resources;
-use crate::beside;
-use crate::geoid;
 use crate::memory::short;
+use crate::{Resources, beside, geoid};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
 use terrane_crs::{Operation, Options, ShiftGrid};

@@ -11,9 +11,8 @@ use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use super::{LineJob, LineReport, on_threads};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_engine::{Cancel, Progress};
 use terrane_vector::{Feature, FeatureSink, FeatureSource};
 
 /// Vertices of a batch, at least, unless memory is short.

@@ -28,9 +28,8 @@ use cover::Cover;
 use input::{Collected, Input};
 use rayon::prelude::*;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_engine::{Cancel, Progress};
 use terrane_vector::{Feature, Written};
 use trial::Wanted;
 

@@ -20,9 +20,6 @@ use crate::warp::{self, Lattice};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::registry;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::figures::Figures;
 use terrane_engine::operation::{Operation, Request, Writes};
 use terrane_engine::options::{
@@ -30,6 +27,7 @@ use terrane_engine::options::{
 };
 use terrane_engine::outputs::not_member;
 use terrane_engine::transform::Transformed;
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::{beside_grid, path_of};
 use terrane_options::{Codec, Json, Kind, Named, Options, Rule};
 use terrane_raster::write::{self, BandName, GridFormat, GridSink, WriteOptions};

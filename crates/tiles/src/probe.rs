@@ -7,8 +7,7 @@ use super::object::{ENTRY, FACTS};
 use super::{Ground, Opened};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_engine::Cancel;
-use terrane_engine::workers;
+use terrane_engine::{Cancel, workers};
 use terrane_files::lock;
 use terrane_globe::TileId;
 

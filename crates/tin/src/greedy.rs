@@ -10,14 +10,13 @@
 //! against 887 thousand, rough 4097 x 4097), as fast within 2 %. Insertion in spatial order within a
 //! batch is slower: sorting costs more than the cache gives back (37 against 26.6 ns).
 
-use super::Local;
-use super::adjust;
 use super::crossing::Crossings;
 use super::exact;
 use super::field::{Field, LEVELS};
 use super::mesh::{Mesh, State};
 use super::scan::{Facet, LANES, Scan, double_area, level_for};
 use super::strict;
+use super::{Local, adjust};
 
 /// Samples a first scan of a triangle looks at, about.
 const SAMPLES_PER_SCAN: i64 = 64;

@@ -9,11 +9,10 @@ use super::report::{Place, VerifyReport};
 use super::{Asked, MeshProof, Proving, tolerance, verify};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::bands::{Bands, Joined, label};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::proof::Verdict;
+use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
 use terrane_raster::GridSource;
 

@@ -5,10 +5,9 @@ use std::path::Path;
 
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, metres_in, wkt};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::input::mesh_bounds;
 use terrane_engine::proof::Verdict;
+use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{MaxError, MeshInfo, MeshSource, Promises, plain};
 
 /// A header to be judged.

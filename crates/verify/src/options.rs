@@ -11,13 +11,11 @@ use super::{
 };
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::bands::Bands;
 use terrane_engine::options::Constraints;
 use terrane_engine::options::{BoundName, CloudInput, FeatureInput, FileName, GridInput};
 use terrane_engine::proof::{Proof, Verdict, Written};
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::path_of;
 use terrane_simplify::{Length, LengthText, Metric};
 use terrane_tiles::ModelOptions;

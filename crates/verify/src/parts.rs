@@ -3,9 +3,8 @@
 
 use std::sync::Mutex;
 
-use super::Context;
-use super::Work;
 use super::spread::Spread;
+use super::{Context, Work};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::workers;

@@ -9,11 +9,8 @@ use crate::heights::{Heights, Spread};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_cloud::{Census, Cloud, Flags, PointSource, Record};
-use terrane_engine::Cancel;
-use terrane_engine::FileAt;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::input::workers;
+use terrane_engine::{Cancel, FileAt, Progress, Resources};
 
 /// Counts of the points read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -27,12 +27,10 @@ use serde::Serialize;
 
 use crate::render::{Colours, Coverage, Field, Frame, Light, Painter, Style, natural_exaggeration};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::figures::Figures;
 use terrane_engine::input::{self, Surface};
 use terrane_engine::memory::{cache_beside, short};
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::AtomicFile;
 use terrane_raster::{Inputs, OpenOptions};
 

@@ -19,13 +19,12 @@ use crate::cli::shared::{Outcome, args, check, lists, many, names, report, say, 
 use crate::error::{Error, ErrorKind, Result};
 use crate::files::path_of;
 use crate::raster::Inputs;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::input::is_mesh;
 use terrane_engine::operation::Has;
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput};
 use terrane_engine::proof::Inspection;
 use terrane_engine::sift::{Sifted, Skipped};
+use terrane_engine::{Cancel, Progress};
 use terrane_viewer::info::{
     CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
     GridInfoReport, MeshInfoOptions, MeshInfoReport,

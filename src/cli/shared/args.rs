@@ -5,8 +5,7 @@ use clap::Args;
 use crate::cli::shared::progress::{self, How};
 use crate::cli::shared::say;
 use crate::error::{Error, Result};
-use crate::files::is_made;
-use crate::files::path_of;
+use crate::files::{is_made, path_of};
 use terrane_engine::Progress;
 use terrane_engine::input::is_mesh;
 

@@ -19,8 +19,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::files::name_of;
 use crate::raster::Inputs;
 use crate::vector;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
+use terrane_engine::{Cancel, Resources};
 
 /// The name of stdin.
 const STDIN: &str = "-";

@@ -10,9 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use crate::cli::shared::{say, text};
-use terrane_engine::FileAt;
-use terrane_engine::Progress;
-use terrane_engine::Silent;
+use terrane_engine::{FileAt, Progress, Silent};
 
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

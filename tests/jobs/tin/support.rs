@@ -3,10 +3,9 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
 
-use terrane_base::Error;
-use terrane_base::Result;
 use terrane_base::geom::predicates::in_circle;
 use terrane_base::geom::{Affine, Point3, Rect, Segment};
+use terrane_base::{Error, Result};
 use terrane_engine::kept::Kept;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::{GridInfo, GridSource, SampleType};

@@ -1,10 +1,9 @@
 //! Lines of text clouds: separators, headings, numbers.
 
-use crate::Flags;
-use crate::PointFormat;
 use crate::lattice::MOST_DECIMALS;
 use crate::sieve::Raw;
 use crate::write::{self, Column, Value};
+use crate::{Flags, PointFormat};
 
 /// Largest mantissa that is exact in `f64`, and most decimals that its power of ten is exact for.
 const EXACT_MANTISSA: u64 = 1 << 53;

@@ -5,11 +5,9 @@ use std::path::{Path, PathBuf};
 use terrane_options::{Options, Range, check};
 
 use super::{DiskCheck, Form, Kind, RunJob, RunReport, StatusReport, TaskReport, Written, kind};
-use crate::Cancel;
-use crate::Progress;
-use crate::Resources;
 use crate::operation::{AnyOperation, Call, Divisible, Job, divide, plan_of};
 use crate::options::{FileName, Replacing};
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
 
 /// A plan in a folder: what is to be made, of what, by which tasks. [`Job::plan`] and the builders of meshes write one; any

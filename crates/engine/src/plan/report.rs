@@ -5,9 +5,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::parent;
-use crate::Resources;
-use crate::disk;
 use crate::sift::Skipped;
+use crate::{Resources, disk};
 use terrane_base::error::Result;
 
 /// A task that is not done.

@@ -15,12 +15,8 @@ use super::output::{Output, last_output};
 use super::report::{DiskCheck, RunReport, StatusReport};
 use super::work::{At, Made, Named, Order};
 use super::{Kind, Look, PLAN, Work, kept};
-use crate::Cancel;
-use crate::Progress;
-use crate::Resources;
-use crate::Silent;
-use crate::peak_memory;
 use crate::sift::Skipped;
+use crate::{Cancel, Progress, Resources, Silent, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
 

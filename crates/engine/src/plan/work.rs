@@ -9,10 +9,7 @@ use serde::de::DeserializeOwned;
 use super::folder::Survey;
 use super::report::{StatusReport, Written};
 use super::{Digest, Form, Kind, Look, Plan};
-use crate::Cancel;
-use crate::Progress;
-use crate::Resources;
-use crate::Silent;
+use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
 
 /// A kind of plan. The value is what is asked for and what was found in the input, as the plan notes it.

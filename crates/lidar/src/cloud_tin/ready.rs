@@ -10,13 +10,12 @@ use crate::points::{Filling, PointStore, Tiling};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Point3};
 use terrane_cloud::{CloudInfo, PointSource};
-use terrane_engine::Resources;
-use terrane_engine::beside;
 use terrane_engine::kept::Features;
 use terrane_engine::memory::{PROGRAM, too_little};
 use terrane_engine::on_cloud::OnCloud;
 use terrane_engine::placing::Placed;
 use terrane_engine::plan::At;
+use terrane_engine::{Resources, beside};
 use terrane_files::folder_for;
 use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions};
 

@@ -10,9 +10,7 @@ use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{Census, Columns, PointSource};
-use terrane_engine::Cancel;
-use terrane_engine::FileAt;
-use terrane_engine::Progress;
+use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_gridding::{Recipe, Selected, Selector};
 
 /// A cloud and the blocks it goes into.

@@ -4,10 +4,9 @@ use std::time::Instant;
 
 use super::{GridJob, GridReport, GridStage};
 use terrane_base::error::{Error, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::memory::cache_beside;
 use terrane_engine::options::GridInput;
+use terrane_engine::{Cancel, Progress};
 use terrane_files::{folder_for, name_of};
 use terrane_raster::{self as raster, GridSource, OpenOptions, WaterReport};
 use terrane_terrain::convert::{copy_levels, task};

@@ -25,11 +25,9 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{Census, PointSource};
 use terrane_delaunay::{Disc, Hull, Place, Position, Window};
-use terrane_engine::Cancel;
-use terrane_engine::FileAt;
-use terrane_engine::Progress;
 use terrane_engine::sift::Losses;
 use terrane_engine::workers;
+use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::{Buckets, lock};
 
 /// What is known of a square without reading it.

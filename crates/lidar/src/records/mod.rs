@@ -136,8 +136,7 @@ fn whole(records: &dyn Records, unit: usize, at: At<'_>) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_engine::Cancel;
-    use terrane_engine::Silent;
+    use terrane_engine::{Cancel, Silent};
 
     /// Unit k has so many records of two bytes, which tell the unit.
     struct Counted(Vec<u64>);

@@ -60,13 +60,11 @@ use terrane_cloud::write::{CloudWriter, Packing, WriteOptions};
 use terrane_cloud::{
     Carrier, Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, PointSource,
 };
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::input::workers;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::plan::At;
 use terrane_engine::transform::Transform;
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar, refuse_existing};
 use terrane_files::{folder_for, path_of};
 pub use thin::{KEPT, Keep, Thin};

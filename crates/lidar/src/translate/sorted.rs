@@ -258,8 +258,7 @@ pub(super) fn check(by: Sort, format: PointFormat) -> Result<()> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use terrane_engine::Cancel;
-    use terrane_engine::Silent;
+    use terrane_engine::{Cancel, Silent};
 
     /// Records of format 1 in units of a few.
     struct Listed(Vec<Vec<u8>>);

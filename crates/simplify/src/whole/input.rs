@@ -7,9 +7,8 @@ use crate::files::{Files, Pair};
 use crate::stored::{Order, Store};
 use crate::trees::Trees;
 use terrane_base::error::Result;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::memory::short;
+use terrane_engine::{Cancel, Progress};
 use terrane_line::squares::Census;
 use terrane_vector::{Feature, Geometry, Layer, Member};
 

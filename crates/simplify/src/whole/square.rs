@@ -7,8 +7,7 @@
 //! has turned over, as one that touches or crosses itself may, is kept whole, and its square done again.
 
 use super::gaps::Gaps;
-use super::kept;
-use super::own;
+use super::{kept, own};
 use crate::part::chosen;
 use crate::tool::{Rule, Task, Tool, Vertex};
 use terrane_base::bits::BitSet;

@@ -3,9 +3,8 @@
 use super::join::{Line, Pieces};
 use super::{ContourJob, ContourReport};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::figures::Figures;
+use terrane_engine::{Cancel, Progress};
 use terrane_raster::GridInfo;
 use terrane_vector::{
     Coordinates, Feature, FeatureSink, Field, FieldKind, Geometry, Id, Kind, Layer, Properties,

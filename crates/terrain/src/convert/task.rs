@@ -6,8 +6,7 @@ use std::sync::{Condvar, Mutex};
 
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
+use terrane_engine::{Cancel, Progress};
 use terrane_files::{lock, wait};
 use terrane_raster::GridSource;
 use terrane_raster::store::Heights;

@@ -13,11 +13,9 @@ use super::window::Window;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_baselines::{Channels, Drawn, Sample, join_voids};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::bands::{BandReport, Bands, kind_of};
 use terrane_engine::memory;
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{Channel, ChannelKind, MeshSink};
 

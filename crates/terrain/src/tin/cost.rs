@@ -4,9 +4,7 @@ use serde::Serialize;
 
 use super::layout::{Layout, USUAL_TILE};
 use super::worker::worker_bytes;
-use terrane_engine::Resources;
-use terrane_engine::memory;
-use terrane_engine::plan;
+use terrane_engine::{Resources, memory, plan};
 use terrane_raster::GridSource;
 use terrane_tin::{Local, Triangle};
 

@@ -10,8 +10,7 @@ use super::layout::{Layout, TileId};
 use super::window::Window;
 use super::worker::tile_input;
 use terrane_base::error::Result;
-use terrane_engine::Cancel;
-use terrane_engine::workers;
+use terrane_engine::{Cancel, workers};
 use terrane_raster::GridSource;
 use terrane_tin::{Scratch, Spec, TileMesh, triangulate_tile};
 

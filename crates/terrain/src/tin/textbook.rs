@@ -12,10 +12,7 @@ use terrane_base::geom::{Point3, Rect};
 use terrane_baselines::{
     Census, Goal as MethodGoal, Grid, MOST_SIDE, Method, Promise, Sample, Task, Tin, Triangulation,
 };
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
-use terrane_engine::memory;
+use terrane_engine::{Cancel, Progress, Resources, memory};
 use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::OpenOptions;

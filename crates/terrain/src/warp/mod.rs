@@ -19,9 +19,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::convert::{self, ConvertJob, ConvertReport, Front};
 use terrane_base::error::{Error, Result};
 use terrane_crs::Operation;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::transform::{Transformed, extent_of};
+use terrane_engine::{Cancel, Progress};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 use terrane_window::resample::{Resampling, Scale};
 

@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::{HEADER_BYTES, MAGIC, shape};
-use crate::crs;
-use crate::dbf;
 use crate::feature::{Feature, Layer, Properties};
 use crate::pages::Pages;
 use crate::source::{FeatureSource, OpenOptions};
 use crate::tree::Bounds;
+use crate::{crs, dbf};
 use terrane_base::error::{Error, Result};
 
 /// Opens the files of a shapefile.

@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::shape::{self, Base, Type, too_large};
 use super::{HEADER_BYTES, MAGIC, NO_MEASURE, VERSION};
-use crate::crs;
-use crate::dbf;
 use crate::feature::{Feature, Layer, Member};
 use crate::out::Out;
 use crate::sink::{FeatureSink, WriteOptions, Written};
 use crate::table::{Rows, Table};
 use crate::tree::NOTHING;
+use crate::{crs, dbf};
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::Sidecar;
 

@@ -23,12 +23,10 @@ use super::{Work, is_delaunay, leave_files, open_mesh, stated, tolerance};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{self as cloud, PointSource};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::kept::Features;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::on_cloud::OnCloud;
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_mesh::{MeshSource, Promises};
 use terrane_proof::cloud::{Bound, Placer};
 

@@ -8,9 +8,8 @@ use super::attributes::{Facts, Rules, shown};
 use super::findings::Findings;
 use super::own::{Own, OwnPart, Placed, beside, key};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::memory::{PROGRAM, short};
+use terrane_engine::{Cancel, Progress};
 use terrane_proof::lines::Vertices;
 use terrane_vector::{
     self as vector, Feature, FeatureSource, OpenOptions, Role, Values, VectorFormat,

@@ -7,8 +7,7 @@ use serde::{Serialize, Serializer};
 
 use terrane_base::error::Result;
 use terrane_base::limits;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
+use terrane_engine::{Cancel, Progress};
 use terrane_files::{path_of, shown};
 use terrane_vector::{
     self as vector, Feature, FeatureSource, Field, FieldKind, Geometry, Kind, Layer, OpenOptions,

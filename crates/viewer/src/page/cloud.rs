@@ -11,11 +11,9 @@ use terrane_base::door::Door;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
 use terrane_cloud::{Cloud, OpenOptions, PointSource, Seen, class_name};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, beside_program, short, with_polygons};
+use terrane_engine::{Cancel, Progress, Resources};
 
 /// Most points of a page.
 pub const MOST_POINTS: u64 = 1 << 24;

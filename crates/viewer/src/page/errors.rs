@@ -8,8 +8,7 @@ use super::solid::Shape;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
+use terrane_engine::{Cancel, Progress};
 use terrane_raster::GridSource;
 
 /// What was measured.

@@ -10,9 +10,7 @@ use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{BATCH, Census, Cloud, PointSource, Seen, Sight};
-use terrane_engine::Cancel;
-use terrane_engine::FileAt;
-use terrane_engine::Progress;
+use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::lock;
 
 /// A point, and the number that decides about it.

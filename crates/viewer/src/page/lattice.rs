@@ -9,9 +9,8 @@ use super::{MOST_SAMPLES, PageJob, PageReport, within_memory};
 use crate::html::Page;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::memory::cache_beside;
+use terrane_engine::{Cancel, Progress};
 use terrane_raster::{GridInfo, GridSource};
 
 pub(super) fn page(

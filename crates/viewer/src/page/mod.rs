@@ -33,10 +33,9 @@ pub use options::{
 };
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::Census;
-use terrane_engine::Cancel;
-use terrane_engine::Resources;
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::{beside_program, short};
+use terrane_engine::{Cancel, Resources};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_raster::Inputs;
 pub use tiles::is_tiles;

@@ -8,14 +8,12 @@ use super::{MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, 
 use crate::html::Page;
 use crate::view::{Exaggeration, Lighting};
 use terrane_base::error::{Error, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::input::{self, Surface};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::operation::{Operation, Request, Writes};
 use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
 use terrane_engine::outputs::check_ending;
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_raster::Inputs;
 
 terrane_engine::has_within!(PageOptions TilesPageOptions: Lighting => [Exaggeration]);

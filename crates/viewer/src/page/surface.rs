@@ -10,10 +10,9 @@ use super::{MOST_TRIANGLES, PageJob, PageReport, errors, within_memory};
 use crate::html::Page;
 use crate::html::pack::Packed;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::input::vertex_count;
 use terrane_engine::memory::cache_beside;
+use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{self as raster, Inputs, OpenOptions};
 

@@ -8,10 +8,8 @@ use crate::render::{Field, Frame, average_rows};
 use crate::view::{Drawn, FINENESS, ViewJob, frame};
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::input::{window_samples, workers};
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_raster::{GridInfo, GridSource};
 
 pub(super) fn draw(

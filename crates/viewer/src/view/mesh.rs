@@ -4,9 +4,8 @@ use crate::render::{Colours, Coverage, Field, Frame, fill_coloured, fill_triangl
 use crate::view::{COLOUR_BYTES, Drawn, FINENESS, PIXEL_BYTES, ViewJob, frame, within_memory};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::input::{is_geographic, mesh_bounds, vertex_count};
+use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{MeshInfo, MeshSource, is_colour};
 
 /// Triangles read at once.

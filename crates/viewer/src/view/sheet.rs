@@ -3,10 +3,9 @@
 use super::{Drawn, PIXEL_BYTES, ViewJob, mesh, options, style, write_png};
 use crate::render::{Painter, text_size, write_text};
 use terrane_base::error::{Error, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::input::{self, Surface};
 use terrane_engine::memory::short;
+use terrane_engine::{Cancel, Progress};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 
 /// A mesh, and what is written below it.

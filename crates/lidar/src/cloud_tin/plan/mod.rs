@@ -23,11 +23,10 @@ use serde::Serialize;
 use super::{CloudTinJob, CloudTinOptions, CloudTinReport, REGION_POINTS};
 use mesh::{CloudMesh, Opened, Whole};
 use terrane_base::error::{Error, Result};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::operation::{Divisible, Request};
 use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport, Written};
 use terrane_engine::sift::Skipped;
+use terrane_engine::{Cancel, Progress};
 use terrane_files::refuse_held;
 use terrane_mesh::by_path;
 

@@ -20,14 +20,12 @@ use super::{GridJob, GridOptions};
 use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, Census, PointSource};
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::Resources;
 use terrane_engine::operation::{Divisible, Operation, Request};
 use terrane_engine::plan::{
     self, At, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, Written,
 };
 use terrane_engine::sift::Losses;
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::{name_of, refuse_held, shown_all};
 use terrane_raster::write::{self, by_name};
 use tile::Opened;

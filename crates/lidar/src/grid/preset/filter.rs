@@ -12,9 +12,7 @@ use crate::points::{PointStore, Summary, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
 use terrane_delaunay::Window;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
-use terrane_engine::workers;
+use terrane_engine::{Cancel, Progress, workers};
 use terrane_ground::{Asked, Ground, Lattice, Lows, NO_POINT};
 
 /// Bytes that a method needs for each cell of a tile and its halo: where tiles may have any size, and
@@ -315,8 +313,7 @@ pub(super) fn spacing(stores: &[&PointStore], metres: &Metres) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_engine::Resources;
-    use terrane_engine::Silent;
+    use terrane_engine::{Resources, Silent};
 
     /// A slope with houses and holes, in centimetres: where a halo that is too small shows.
     fn store(folder: &std::path::Path) -> PointStore {

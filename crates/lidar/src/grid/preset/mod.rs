@@ -38,10 +38,9 @@ use terrane_cloud::{
     self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, PointSource, Return,
 };
 use terrane_delaunay::Window;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::memory::short;
 use terrane_engine::sift::Losses;
+use terrane_engine::{Cancel, Progress};
 use terrane_gridding::canopy::Way;
 use terrane_gridding::{Asked, Statistic, Subject};
 use terrane_ground as ground;

@@ -15,11 +15,10 @@ use serde::Serialize;
 use super::{PointsOptions, TranslateJob};
 use manifest::Points;
 use terrane_base::error::Result;
-use terrane_engine::Cancel;
-use terrane_engine::Progress;
 use terrane_engine::operation::{Divisible, Request};
 use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport, Written};
 use terrane_engine::sift::Skipped;
+use terrane_engine::{Cancel, Progress};
 use terrane_files::{refuse_held, shown_all};
 
 /// Squares of points to plan; a task has so many squares along its side (`cut`).

@@ -20,14 +20,13 @@ use crate::tin::tally::Tally;
 use crate::tin::worker::Stock;
 use terrane_base::error::Result;
 use terrane_base::limits;
-use terrane_engine::beside;
-use terrane_engine::memory;
 use terrane_engine::outputs::refuse_other_name;
 use terrane_engine::plan::{
     self, At, Form, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid,
     StatusReport, Survey, Work,
 };
 use terrane_engine::transform::Transform;
+use terrane_engine::{beside, memory};
 use terrane_mesh::{self as mesh, MeshFormat};
 use terrane_raster::GridSource;
 use terrane_tin::{Local, Triangle};
@@ -268,8 +267,7 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use terrane_engine::REVISION;
-    use terrane_engine::Resources;
+    use terrane_engine::{REVISION, Resources};
 
     /// A plan of a grid of `side` samples along each side, as text.
     fn plan(side: u32) -> Value {
