@@ -44,7 +44,22 @@ pub const OPERATIONS: &[AnyOperation] = &[
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+    use terrane_engine::operation::given_names;
+    use terrane_lidar::translate::PointsOptions;
+    use terrane_options::Options;
+
     use super::OPERATIONS;
+
+    #[test]
+    fn what_asks_for_nothing_is_not_given() {
+        let given = json!({ "thin": null, "height_above_ground": false, "buffer": 0, "dedupe": 1 });
+        let names = given_names(PointsOptions::TABLE, given.as_object().unwrap());
+        assert_eq!(names.len(), 2, "{names:?}");
+        assert!(names.contains(&"buffer") && names.contains(&"dedupe"), "{names:?}");
+        let bare = json!({ "height_above_ground": "dimension", "drop_overlap": true });
+        assert_eq!(given_names(PointsOptions::TABLE, bare.as_object().unwrap()).len(), 2);
+    }
 
     #[test]
     fn names_of_operations_and_of_their_options_are_unique() {

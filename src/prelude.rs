@@ -1,4 +1,5 @@
-//! Setters of the options of jobs, and what else is done with them: traits, to be had by `use terrane::prelude::*`.
+//! Traits to import with `use terrane::prelude::*`: the setters of jobs, one trait for each struct of options, and other
+//! methods of jobs and data.
 
 pub use crate::facade::Data;
 pub use terrane_engine::ResourcesSetters;

@@ -254,6 +254,34 @@ fn manifests_say_what_the_table_does() {
     }
 }
 
+/// Structs of options of whose fields there are setters, in a source text.
+fn with_setters(text: &str) -> Vec<&str> {
+    let after = text.split("\n#[options(").skip(1);
+    let own = after.filter_map(|rest| {
+        let (attribute, rest) = rest.split_once(")]\n")?;
+        let (_, name) = rest.split_once("pub struct ")?;
+        attribute.contains("setters = ").then(|| name.split([' ', '{']).next().unwrap())
+    });
+    own.collect()
+}
+
+#[test]
+fn all_setters_are_in_the_prelude() {
+    let prelude = fs::read_to_string(root().join("src/prelude.rs")).unwrap();
+    let traits: BTreeSet<&str> = prelude.split(|c: char| !c.is_alphanumeric()).collect();
+    let mut files = Vec::new();
+    rust_files(&root().join("crates"), &mut files);
+    let mut count = 0;
+    for text in files.iter().map(|path| fs::read_to_string(path).unwrap()) {
+        for name in with_setters(&text) {
+            let setters = format!("{}Setters", name.strip_suffix("Options").unwrap_or(name));
+            assert!(traits.contains(setters.as_str()), "{setters} is not in the prelude");
+            count += 1;
+        }
+    }
+    assert!(count > 40, "only {count} structs found");
+}
+
 /// A small house to try the checks on.
 fn small_house() -> Rules {
     Rules::read(

@@ -1,4 +1,4 @@
-//! Sets of small numbers, one bit each; numbers whose bits are mixed, or ordered as signed ones are.
+//! Sets of small numbers, one bit each; hashes of numbers, and signed numbers as unsigned ones of the same order.
 
 use std::ops::Range;
 
@@ -76,7 +76,7 @@ fn ones(word: u64, base: usize) -> impl Iterator<Item = usize> + Clone {
         .map(move |word| base + word.trailing_zeros() as usize)
 }
 
-/// A number of 64 bits that look like any, from others (splitmix64, Steele et al. 2014).
+/// A hash of some numbers (splitmix64, Steele et al. 2014).
 pub fn mixed(words: &[u64]) -> u64 {
     words.iter().fold(0, |seed, word| {
         let mut x = (seed ^ word).wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -86,7 +86,7 @@ pub fn mixed(words: &[u64]) -> u64 {
     })
 }
 
-/// A signed number as one that is ordered alike.
+/// An unsigned number for a signed one, in the same order.
 pub fn ordered(value: i32) -> u64 {
     u64::from(value as u32 ^ 1 << 31)
 }

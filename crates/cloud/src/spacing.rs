@@ -1,4 +1,4 @@
-//! How far apart the points of a cloud are, by what its headers tell.
+//! Cell sizes from the density of points that the headers of a cloud tell.
 
 use terrane_base::geom::Point;
 
@@ -7,7 +7,8 @@ use crate::CloudInfo;
 /// Points that a cell has, on the average of the box around all.
 const POINTS_OF_CELL: f64 = 4.0;
 
-/// A round size of cells with some points on the average of the box around all: twice their spacing, or more.
+/// Side of cells with four points on the average of the bounding box (twice the spacing of points), rounded up to 1, 2 or
+/// 5 times a power of ten; at least a step of the coordinates. In units of x and y.
 pub fn round_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
     let [west, south, _] = info.frame.world(low);
     let [east, north, _] = info.frame.world(high);
@@ -16,7 +17,7 @@ pub fn round_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
     round_up(by_density.max(info.frame.scale[0]).max(info.frame.scale[1]))
 }
 
-/// The next of 1, 2, 5, 10, and so on.
+/// Rounds up to 1, 2 or 5 times a power of ten.
 pub fn round_up(least: f64) -> f64 {
     let power = least.log10().floor() as i32;
     let sizes = [1.0, 2.0, 5.0, 10.0].map(|k| match power {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Ends, Paths, Segment, cut};
 
-/// What a worker lists of a segment: which steps of its path lie in a tile.
+/// A segment, and the first and last step of its path that lie in a tile.
 type Part = (Segment, [u64; 2]);
 
 /// Segments that edges of a mesh follow.

@@ -40,9 +40,9 @@ impl Figures {
         Self { threads, ..self }
     }
 
-    /// Of a run of which so many bytes went through temporary files.
-    pub fn with_spilled(self, bytes: u64) -> Self {
-        Self { spilled_bytes: Some(bytes), ..self }
+    /// Of a run of which so many bytes went through temporary files; `None` where they are not counted.
+    pub fn with_spilled(self, bytes: impl Into<Option<u64>>) -> Self {
+        Self { spilled_bytes: bytes.into(), ..self }
     }
 
     /// So many a second.

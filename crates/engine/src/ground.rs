@@ -5,7 +5,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect, Spheroid};
 use terrane_raster::GridInfo;
 
-/// What makes a slope of another: rows of a matrix.
+/// A matrix, row by row, that turns a slope by column and row into one on the ground.
 pub type Turn = [[f64; 2]; 2];
 
 /// How a slope by column and row lies on the ground.

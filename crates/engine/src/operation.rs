@@ -56,7 +56,8 @@ macro_rules! has_within {
     )+};
 }
 
-/// Whoever has a group has the group in it.
+/// Whoever has a group of this crate has the group in it. Only the crate of [`Has`] can say so of all structs; others name
+/// them with [`has_within`](crate::has_within).
 macro_rules! has_nested {
     ($($group:ty => $inner:ty),+) => {$(
         impl<O: Has<$group>> Has<$inner> for O {
@@ -314,8 +315,8 @@ fn filled<O: Options>(all: &Map<String, Json>, given: &Map<String, Json>) -> Res
     Ok(options)
 }
 
-/// The names of the options that something is asked for of.
-fn given_names(table: &'static Table, given: &Map<String, Json>) -> Vec<&'static str> {
+/// The names of the options by which something is asked for: null, `false` of a flag and the like ask for nothing.
+pub fn given_names(table: &'static Table, given: &Map<String, Json>) -> Vec<&'static str> {
     let fields = given.iter().filter_map(|(name, value)| Some((table.find(name)?, value)));
     let asked = fields.filter(|(field, value)| field.is_given(value));
     asked.map(|(field, _)| field.name).collect()

@@ -1,4 +1,4 @@
-//! What is told of files that there are: proofs of those that were written, and what any are.
+//! Proofs of written files, and reports on any files.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ pub struct Written {
     pub original: Inputs,
 }
 
-/// What came of a proof, of whatever it is.
+/// The result of a proof.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Verdict {
@@ -35,7 +35,7 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// That of broken promises and of what could not be judged.
+    /// A verdict with these broken promises, and with what could not be judged.
     pub fn of(failures: Vec<String>, not_judged: Vec<String>) -> Self {
         let (passed, judged) = (failures.is_empty(), not_judged.is_empty());
         Self { passed, judged, failures, not_judged }
@@ -91,11 +91,11 @@ impl<O: Proof> Job<'_, O, Written> {
     }
 }
 
-/// What can be told of files of one kind: a struct of options.
+/// A report on files of one kind: a struct of options.
 pub trait Inspection:
     Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources>
 {
-    /// What is told about, for people, such as "grids".
+    /// The kind of files, for people, such as "grids".
     const OF: &'static str;
     /// What is told.
     type Report: Serialize + Send;

@@ -1,4 +1,4 @@
-//! What there is to see of grids, meshes, clouds and lines: pictures, pages, facts.
+//! Pictures, web pages and reports of grids, meshes, clouds and lines.
 
 pub mod cloud_picture;
 pub mod cloud_stats;

@@ -84,33 +84,29 @@ pub struct PlanRun {
 }
 
 impl Plan {
-    /// Opens the plan in a folder, of one of some operations.
+    /// Opens the plan in a folder, which is of one of these operations.
     ///
     /// # Errors
-    /// A folder without a plan, or with one of no known kind. What else is wrong with it is told when it is
+    /// A folder without a plan, or with one of another operation. What else is wrong with it is told when it is
     /// looked at or run.
     pub fn open(folder: impl Into<PathBuf>, operations: &[AnyOperation]) -> Result<Self> {
         let folder = folder.into();
         let kind = kind(&folder)?;
         let mut divisions = operations.iter().filter_map(|operation| operation.division);
-        let division = divisions.find(|division| division.kind == kind).ok_or_else(|| {
-            Error::unsupported(format!(
-                "holds a plan of {}, which this build does not make",
-                kind.what()
-            ))
-            .in_file(&folder)
-            .remedy("use a build with all features")
-        })?;
-        Self::divided(folder, division)
+        match divisions.find(|division| division.kind == kind) {
+            Some(division) => Ok(Self { folder, division }),
+            None => Err(another(&folder, kind)),
+        }
     }
 
     /// The plan in a folder, of an operation.
-    pub fn divided(folder: impl Into<PathBuf>, division: Division) -> Result<Self> {
+    pub(crate) fn divided(folder: impl Into<PathBuf>, division: Division) -> Result<Self> {
         let folder = folder.into();
-        match kind(&folder)? == division.kind {
-            true => Ok(Self { folder, division }),
-            false => Err(Error::usage("holds another plan").in_file(&folder)),
+        let kind = kind(&folder)?;
+        if kind != division.kind {
+            return Err(another(&folder, kind));
         }
+        Ok(Self { folder, division })
     }
 
     /// The folder.
@@ -130,6 +126,13 @@ impl Plan {
     pub fn run(&self) -> Job<'_, RunOptions, Self> {
         Job::new(self.clone(), RunOptions::default())
     }
+}
+
+/// The error of a folder whose plan is of an operation that is not meant.
+fn another(folder: &Path, kind: Kind) -> Error {
+    Error::usage(format!("holds a plan of {}", kind.what()))
+        .in_file(folder)
+        .remedy("name the folder of another plan")
 }
 
 impl PlanStatus {

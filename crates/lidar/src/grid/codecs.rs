@@ -29,6 +29,16 @@ impl Codec<String> for StatisticList {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::translate::Overlap;
+    use terrane_engine::options::AsNumber;
+
+    #[test]
+    fn cells_of_flight_lines_are_written_as_they_are_read() {
+        for text in ["auto", "2.5"] {
+            let overlap: Overlap = AsNumber::parse(text).unwrap();
+            assert_eq!(AsNumber::json(&overlap), Json::from(text));
+        }
+    }
 
     #[test]
     fn statistics_have_to_be_known() {

@@ -333,9 +333,9 @@ impl<'a> Work<'a> {
         let drawn = made.lowest.zip(made.highest).map(|(lowest, highest)| [lowest, highest]);
         made.notes.extend(drawn.and_then(|range| raster::no_terrain(info, range)));
         made.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
-        let spilled = made.run.spilled_bytes;
-        let run = Figures::since(start, &job.options.resources).with_threads(self.budget.threads);
-        let run = spilled.map_or(run.clone(), |bytes| run.with_spilled(bytes));
+        let run = Figures::since(start, &job.options.resources)
+            .with_threads(self.budget.threads)
+            .with_spilled(made.run.spilled_bytes);
         Ok(ContourReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),

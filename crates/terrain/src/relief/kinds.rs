@@ -1,5 +1,5 @@
 //! The derivatives, each a struct of its options. A new one is one here, its kernel, and a line in
-//! [`OPERATIONS`](terrane_engine::operation::OPERATIONS).
+//! `terrane::OPERATIONS`.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -155,7 +155,7 @@ impl Tin {
     }
 }
 
-/// Samples in memory that lie somewhere.
+/// Georeferencing of samples in memory.
 pub trait PlaceSamples: Sized {
     /// Where samples lie, and in which reference system.
     #[must_use]
@@ -168,7 +168,7 @@ impl PlaceSamples for Job<'_, TinOptions, ArrayGrid<'_>> {
     }
 }
 
-/// Meshes that stay in memory.
+/// Building a mesh in memory, without a file.
 pub trait BuildTin {
     /// Makes the mesh in memory, which it takes about 50 bytes a vertex of, beside what the job may use.
     ///

@@ -1,4 +1,4 @@
-//! What is computed of one window of samples: contour lines, derivatives, heights between samples.
+//! Kernels on one window of samples: contour lines, derivatives, resampling.
 
 pub mod contour;
 pub mod relief;

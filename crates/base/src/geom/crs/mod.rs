@@ -371,6 +371,20 @@ mod tests {
     }
 
     #[test]
+    fn units_for_reports_come_from_keys_codes_or_stay_unknown() {
+        let geo_keys = vec![1, 1, 0, 1, 3076, 0, 1, 9003];
+        let crs = |geo_keys| Crs { geo_keys, ..Crs::default() };
+        assert_eq!(crs(geo_keys).horizontal_units(), "US survey foot");
+        assert_eq!(Crs { epsg: Some(32611), ..Crs::default() }.horizontal_units(), "metre");
+        assert_eq!(Crs { geographic: Some(true), ..Crs::default() }.horizontal_units(), "degree");
+        assert_eq!(crs(vec![1, 1]).horizontal_units(), "units");
+        assert_eq!(Crs::default().heights_unit(), None);
+        let named = |unit: &str| Crs { vertical_unit: Some(unit.to_owned()), ..Crs::default() };
+        assert_eq!(named(" foot ").heights_unit(), Some("foot"));
+        assert_eq!(named(" ").heights_unit(), None);
+    }
+
+    #[test]
     fn units_have_one_size_however_they_are_told() {
         let survey = 1200.0 / 3937.0;
         let text = |name: &str, size: &str| {
