@@ -6,8 +6,9 @@
 //! a cosine and a sine with constant factors, and so is the height at which the normal meets the plane of the
 //! triangle. Both triangles of an edge compute the same number with other signs, so a walk does not go to and fro.
 //!
-//! A pole is one place. Triangles with two corners there are lines, which no normal but that of the pole meets, and
-//! are left out; the pole itself has all heights of vertices there, and the furthest of them counts.
+//! Triangles with two corners in one place are lines or points, which no normal meets, and are left out: positions that
+//! were rounded may be the same. A pole is one place, too; it has all heights of vertices there, and the furthest of
+//! them counts.
 //!
 //! A place that is rounded moves a sample up or down a slope. So of each sample it is told by how much it is surely off,
 //! and by how much it may be: that matters where walls are a thousand times as high as they are wide. Factors that are
@@ -94,30 +95,29 @@ impl Facets {
     pub fn new(tile: &Tile, positions: &[Vector]) -> Self {
         let origin = positions.first().copied().unwrap_or_default();
         let poles = poles(positions);
-        let one = |corner: u32| {
-            let found = poles.each_ref().map(|at| at.contains(&corner).then(|| at[0]));
-            found.into_iter().flatten().next().unwrap_or(corner)
+        let is_one = |a: u32, b: u32| {
+            let is_polar = |at: &Vec<u32>| at.contains(&a) && at.contains(&b);
+            // Broken tiles have triangles that name one vertex twice: these stay.
+            a != b && (positions[a as usize] == positions[b as usize] || poles.iter().any(is_polar))
         };
-        let is_line = |[a, b, c]: [u32; 3]| a == b || b == c || c == a;
-        // Broken tiles have triangles that name one vertex twice: these stay.
-        let triangles: Vec<_> = tile
-            .triangles
-            .iter()
-            .map(|corners| (corners, corners.map(one)))
-            .filter(|(corners, joined)| is_line(**corners) || !is_line(*joined))
-            .collect();
-        let mut facets: Vec<_> =
-            triangles.iter().map(|(corners, _)| Facet::new(**corners, positions, origin)).collect();
-        let around = (0u32..).zip(&triangles).flat_map(|(number, &(_, [a, b, c]))| {
-            let side = |k: usize, from: u32, to: u32| ([from.min(to), from.max(to)], number, k);
-            [side(0, a, b), side(1, b, c), side(2, c, a)]
-        });
-        let mut all: Vec<_> = around.collect();
-        all.sort_unstable();
-        for same in all.chunk_by(|a, b| a.0 == b.0) {
-            if let [(_, one, at), (_, other, there)] = *same {
-                facets[one as usize].beside[at] = other;
-                facets[other as usize].beside[there] = one;
+        let mut lines = Lines::of(&tile.triangles, is_one);
+        if lines.0.iter().all(Option::is_some) {
+            lines.0.fill(None);
+        }
+        let beside = beside(&tile.triangles);
+        let mut facets: Vec<Facet> = Vec::new();
+        // The number of each triangle among those that are no lines.
+        let mut numbers = vec![NONE; lines.0.len()];
+        for (triangle, &corners) in tile.triangles.iter().enumerate() {
+            if lines.0[triangle].is_none() {
+                numbers[triangle] = facets.len() as u32;
+                facets.push(Facet::new(corners, positions, origin));
+            }
+        }
+        for (triangle, &number) in numbers.iter().enumerate().filter(|(_, at)| **at != NONE) {
+            for side in 0..3 {
+                let other = lines.beyond(&beside, triangle, side);
+                facets[number as usize].beside[side] = other.map_or(NONE, |at| numbers[at]);
             }
         }
         facets.iter_mut().for_each(Facet::open_borders);
@@ -310,6 +310,53 @@ impl Facets {
     }
 }
 
+/// The triangle and its side beyond each side of each triangle.
+fn beside(triangles: &[[u32; 3]]) -> Vec<[Option<(usize, usize)>; 3]> {
+    let around = triangles.iter().enumerate().flat_map(|(number, &[a, b, c])| {
+        let side = |k: usize, from: u32, to: u32| ([from.min(to), from.max(to)], number, k);
+        [side(0, a, b), side(1, b, c), side(2, c, a)]
+    });
+    let mut all: Vec<_> = around.collect();
+    all.sort_unstable();
+    let mut beside = vec![[None; 3]; triangles.len()];
+    for same in all.chunk_by(|a, b| a.0 == b.0) {
+        if let [(_, one, at), (_, other, there)] = *same {
+            beside[one][at] = Some((other, there));
+            beside[other][there] = Some((one, at));
+        }
+    }
+    beside
+}
+
+/// Triangles that no normal meets, as corners of them are one place: by triangle the sides that are no more than a point,
+/// where there are any. A triangle with one of these is a line, and those beside its other two sides are neighbours.
+struct Lines(Vec<Option<[bool; 3]>>);
+
+impl Lines {
+    fn of(triangles: &[[u32; 3]], is_one: impl Fn(u32, u32) -> bool) -> Self {
+        let points = |&[a, b, c]: &[u32; 3]| {
+            let sides = [is_one(a, b), is_one(b, c), is_one(c, a)];
+            sides.contains(&true).then_some(sides)
+        };
+        Self(triangles.iter().map(points).collect())
+    }
+
+    /// The first triangle beyond a side that is none of them.
+    fn beyond(
+        &self,
+        beside: &[[Option<(usize, usize)>; 3]],
+        triangle: usize,
+        side: usize,
+    ) -> Option<usize> {
+        let (mut now, mut from) = beside[triangle][side]?;
+        while let Some(points) = self.0[now] {
+            let through = (0..3).find(|&k| k != from && !points[k])?;
+            (now, from) = beside[now][through]?;
+        }
+        Some(now)
+    }
+}
+
 /// The vertices at the south pole and at the north pole.
 fn poles(positions: &[Vector]) -> [Vec<u32>; 2] {
     let is_pole = |[x, y, _]: &Vector| x.abs().max(y.abs()) < POLAR[0];
@@ -488,3 +535,6 @@ fn plane(corners: [Vector; 3]) -> [f64; 2] {
     let height: f64 = parts.iter().zip(corners).map(|(part, corner)| part * corner[2]).sum();
     [height / area, length(cross(minus(b, a), minus(c, a))) / area.abs()]
 }
+
+#[cfg(test)]
+mod tests;
