@@ -60,22 +60,24 @@
 //! Rooms of the house that are of use alone (the triangulations, the methods for lines, the readers of
 //! formats) are crates of their own, named `terrane-*`.
 
+//! # Features
+//!
+//! | feature | what it is |
+//! |---|---|
+//! | `cli` (default) | the program `terrane`, with all of the others |
+//! | `lidar` | operations on point clouds: meshes, grids, files of points |
+//! | `tiles` | terrain tiles, and their proofs; with `lidar` |
+//! | `viewer` | pictures, pages, and what is known of data |
+
+#[cfg(feature = "cli")]
 mod cli;
 mod facade;
 mod operations;
 pub mod prelude;
 
-// The rooms, by the names that the command line has for them.
-use terrane_base::{attribute, bound, door, error, geom, parameters};
-use terrane_files::{self as files, atomic};
-use terrane_raster as raster;
-use terrane_synth as synth;
-use terrane_vector as vector;
-use {terrane_baselines as methods, terrane_line as line, terrane_mesh as mesh};
-use {terrane_cloud as cloud, terrane_gridding as gridding};
-
 /// The command line: runs what `args` say, the name of the program first, and tells what became of it on the
 /// standard streams. It is of a whole process, whose signals and allocator it sets, and no part of the library.
+#[cfg(feature = "cli")]
 #[doc(hidden)]
 pub fn command_line(args: impl IntoIterator<Item = std::ffi::OsString>) -> std::process::ExitCode {
     cli::main(args)
@@ -99,8 +101,11 @@ pub use terrane_engine::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions,
 pub use terrane_engine::proof::Inspection;
 pub use terrane_engine::proof::{Proof, Verdict, Written};
 pub use terrane_engine::{Cancel, FileAt, Progress, Silent};
+#[cfg(feature = "lidar")]
 pub use terrane_lidar::cloud_tin::{CloudTinOptions, CloudTinReport};
+#[cfg(feature = "lidar")]
 pub use terrane_lidar::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
+#[cfg(feature = "lidar")]
 pub use terrane_lidar::translate::{
     Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, PointsOptions, Reclassify,
     Sort, Thin, TileFormat, TranslateReport,
@@ -115,20 +120,24 @@ pub use terrane_terrain::relief::{
     TriOptions,
 };
 pub use terrane_terrain::tin::{Refinement, Target, Tin, TinOptions, TinParts, TinReport};
+#[cfg(feature = "tiles")]
 pub use terrane_tiles::{
     Beyond as TilesBeyond, CloudTilesOptions, Format as TilesFormat, ModelOptions, TileOptions,
     TilesOptions, TilesReport,
 };
-pub use terrane_verify::tiles::TilesVerifyReport;
+#[cfg(feature = "tiles")]
+pub use terrane_verify::tiles::{CloudTilesProof, TilesProof, TilesVerifyReport};
 pub use terrane_verify::{
-    CloudMeshProof, CloudTilesProof, CloudVerifyReport, LineProof, LineVerifyReport, MeshProof,
-    TilesProof, VerifyReport,
+    CloudMeshProof, CloudVerifyReport, LineProof, LineVerifyReport, MeshProof, VerifyReport,
 };
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::info::{
     CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
     GridInfoReport, MeshInfoOptions, MeshInfoReport,
 };
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions, PageReport};
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::view::{PictureOptions, ViewReport};
 
 /// The code of the tutorial, tested with that of the documentation.

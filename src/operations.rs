@@ -1,8 +1,11 @@
 //! All operations. A new one is a file with its options and its work, and a line here.
 
 use terrane_engine::operation::AnyOperation;
+#[cfg(feature = "lidar")]
 use terrane_lidar::cloud_tin::CloudTinOptions;
+#[cfg(feature = "lidar")]
 use terrane_lidar::grid::GridOptions;
+#[cfg(feature = "lidar")]
 use terrane_lidar::translate::PointsOptions;
 use terrane_simplify::LineOptions;
 use terrane_terrain::colours::ColorReliefOptions;
@@ -13,20 +16,28 @@ use terrane_terrain::relief::{
     TriOptions,
 };
 use terrane_terrain::tin::TinOptions;
+#[cfg(feature = "tiles")]
 use terrane_tiles::{CloudTilesOptions, TilesOptions};
+#[cfg(feature = "viewer")]
 use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions};
+#[cfg(feature = "viewer")]
 use terrane_viewer::view::PictureOptions;
 
 /// All operations that write a file, in the order of the help.
 pub const OPERATIONS: &[AnyOperation] = &[
     AnyOperation::divisible::<TinOptions>(),
+    #[cfg(feature = "lidar")]
     AnyOperation::divisible::<CloudTinOptions>(),
     AnyOperation::of::<ConvertOptions>(),
+    #[cfg(feature = "lidar")]
     AnyOperation::divisible::<GridOptions>(),
+    #[cfg(feature = "lidar")]
     AnyOperation::divisible::<PointsOptions>(),
     AnyOperation::of::<ContourOptions>(),
     AnyOperation::of::<LineOptions>(),
+    #[cfg(feature = "tiles")]
     AnyOperation::divisible::<TilesOptions>(),
+    #[cfg(feature = "tiles")]
     AnyOperation::of::<CloudTilesOptions>(),
     AnyOperation::of::<SlopeOptions>(),
     AnyOperation::of::<AspectOptions>(),
@@ -36,13 +47,17 @@ pub const OPERATIONS: &[AnyOperation] = &[
     AnyOperation::of::<RoughnessOptions>(),
     AnyOperation::of::<TpiOptions>(),
     AnyOperation::of::<TriOptions>(),
+    #[cfg(feature = "viewer")]
     AnyOperation::of::<PictureOptions>(),
+    #[cfg(feature = "viewer")]
     AnyOperation::of::<PageOptions>(),
+    #[cfg(feature = "viewer")]
     AnyOperation::of::<CloudPageOptions>(),
+    #[cfg(feature = "viewer")]
     AnyOperation::of::<LinePageOptions>(),
 ];
 
-#[cfg(test)]
+#[cfg(all(test, feature = "cli"))]
 mod tests {
     use serde_json::json;
     use terrane_engine::operation::given_names;

@@ -10,8 +10,11 @@ pub use terrane_engine::options::{
 };
 pub use terrane_engine::placing::PlacingSetters;
 pub use terrane_engine::plan::RunSetters;
+#[cfg(feature = "lidar")]
 pub use terrane_lidar::cloud_tin::CloudTinSetters;
+#[cfg(feature = "lidar")]
 pub use terrane_lidar::grid::GridSetters;
+#[cfg(feature = "lidar")]
 pub use terrane_lidar::translate::PointsSetters;
 pub use terrane_simplify::LineSetters;
 pub use terrane_terrain::colours::ColorReliefSetters;
@@ -25,13 +28,16 @@ pub use terrane_terrain::tin::{
     BuildTin, PlaceSamples, RefinementSetters, TargetSetters, TinSetters,
 };
 pub use terrane_terrain::warp::LatticeSetters;
+#[cfg(feature = "tiles")]
 pub use terrane_tiles::{CloudTilesSetters, ModelSetters, TileSetters, TilesSetters};
-pub use terrane_verify::{
-    CloudMeshProofSetters, CloudTilesProofSetters, LineProofSetters, MeshProofSetters,
-    TilesProofSetters,
-};
+#[cfg(feature = "tiles")]
+pub use terrane_verify::tiles::{CloudTilesProofSetters, TilesProofSetters};
+pub use terrane_verify::{CloudMeshProofSetters, LineProofSetters, MeshProofSetters};
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::info::{
     CloudInfoSetters, FeaturesInfoSetters, GridInfoSetters, MeshInfoSetters,
 };
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::page::{CloudPageSetters, LinePageSetters, PageSetters, TilesPageSetters};
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::view::{ExaggerationSetters, LightingSetters, PictureSetters};

@@ -5,7 +5,7 @@ use clap_complete::Shell;
 
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say};
-use crate::error::Result;
+use terrane_base::error::Result;
 
 /// Print a completion script for a shell
 #[derive(Clone, Debug, clap::Args)]

@@ -4,19 +4,19 @@ use std::path::{Path, PathBuf};
 
 use terrane_options::{Options, check_given};
 
-use crate::atomic;
 use crate::cli::operation::needed;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report, system, text};
-use crate::door::Door;
-use crate::error::{Error, Result};
-use crate::vector;
+use terrane_base::door::Door;
+use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::read_beside;
 use terrane_engine::sift::Sifted;
+use terrane_files::atomic;
 use terrane_simplify::{HierarchyReport, LineJob, LineOptions, LineReport, Measure};
+use terrane_vector as vector;
 
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "line")]

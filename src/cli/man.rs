@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use clap::Command;
 
-use crate::atomic::{self, AtomicFile};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say};
-use crate::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::atomic::{self, AtomicFile};
 
 /// Write manual pages into a folder
 #[derive(Clone, Debug, clap::Args)]

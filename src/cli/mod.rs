@@ -33,7 +33,7 @@ use clap::{Command, CommandFactory, Parser};
 
 use crate::cli::shared::verb::{Call, Entry, Job};
 use crate::cli::shared::{NOT_JUDGED, Outcome, say};
-use crate::error::ErrorKind;
+use terrane_base::error::ErrorKind;
 use terrane_engine::Cancel;
 use terrane_lidar::grid::GridOptions;
 use terrane_lidar::translate::PointsOptions;
@@ -140,7 +140,12 @@ pub(crate) fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{gridding, mesh, methods, raster, synth, vector};
+    use terrane_baselines as methods;
+    use terrane_gridding as gridding;
+    use terrane_mesh as mesh;
+    use terrane_raster as raster;
+    use terrane_synth as synth;
+    use terrane_vector as vector;
 
     #[test]
     fn the_command_is_sound() {

@@ -5,29 +5,31 @@ use std::path::{Path, PathBuf};
 
 use terrane_options::{Field, Options, Rule, Table, check_given, set_texts, to_map};
 
-use crate::atomic;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report};
 use crate::cli::synth;
-use crate::door::Door;
-use crate::error::{Error, Result};
-use crate::files::{is_made, path_of};
-use crate::raster::Inputs;
-use crate::{cloud, raster, vector};
+use terrane_base::door::Door;
+use terrane_base::error::{Error, Result};
+use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::memory::cache_beside;
 use terrane_engine::operation::{Has, Input, Operation, Request, Writes, read_beside};
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput, Replacing};
 use terrane_engine::sift::{Sifted, Skipped};
+use terrane_files::atomic;
+use terrane_files::{is_made, path_of};
 use terrane_lidar::cloud_tin::CloudTinReport;
 use terrane_lidar::grid::GridReport;
 use terrane_lidar::translate::TranslateReport;
+use terrane_raster as raster;
+use terrane_raster::Inputs;
 use terrane_terrain::contour::ContourReport;
 use terrane_terrain::convert::ConvertReport;
 use terrane_terrain::tin::TinReport;
 use terrane_tiles::TilesReport;
+use terrane_vector as vector;
 use terrane_viewer::page::PageReport;
 use terrane_viewer::view::ViewReport;
 

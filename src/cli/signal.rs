@@ -1,7 +1,7 @@
 //! Stopping on signals: the first asks the job to stop, the second leaves at once.
 
 use crate::cli::shared::say;
-use crate::error::ErrorKind;
+use terrane_base::error::ErrorKind;
 use terrane_engine::Cancel;
 
 /// Lets Ctrl-C, SIGTERM and SIGHUP stop the job. A signal that was ignored when the process began

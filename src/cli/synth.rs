@@ -5,20 +5,20 @@ use std::path::PathBuf;
 use serde::Serialize;
 use terrane_options::Codec;
 
-use crate::atomic;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, report};
-use crate::cloud;
-use crate::cloud::write::PointFormat;
-use crate::error::{Error, ErrorKind, Result};
-use crate::synth::lines::Lines;
-use crate::vector;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_cloud as cloud;
+use terrane_cloud::write::PointFormat;
 use terrane_engine::options::PointFormatNumber;
 use terrane_engine::{Cancel, Resources};
+use terrane_files::atomic;
 use terrane_lidar::survey::{self, SurveyJob};
 use terrane_simplify::draw::{self, DrawJob};
+use terrane_synth::lines::Lines;
 use terrane_terrain::convert::{self, ConvertJob};
+use terrane_vector as vector;
 
 /// Write a synthetic terrain as an uncompressed tiled BigTIFF, a synthetic cloud as LAS or LAZ, or
 /// synthetic lines

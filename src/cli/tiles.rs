@@ -7,7 +7,7 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, report, text};
-use crate::error::Result;
+use terrane_base::error::Result;
 use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
 
 /// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail

@@ -9,8 +9,8 @@ use clap::error::ErrorKind::{
 };
 
 use crate::cli::shared::say;
-use crate::door::Door;
-use crate::error::ErrorKind;
+use terrane_base::door::Door;
+use terrane_base::error::ErrorKind;
 
 /// Prints what clap has to say of a command line and returns the exit code.
 pub(super) fn report(error: &clap::Error, args: &[OsString], command: &Command) -> ExitCode {

@@ -12,15 +12,9 @@ use terrane_engine::operation::{Has, Job};
 use terrane_engine::options::CloudInput;
 use terrane_engine::proof::{Proof, Written};
 use terrane_files::name_of;
-use terrane_lidar::cloud_tin::CloudTinOptions;
-use terrane_lidar::grid::GridOptions;
-use terrane_lidar::translate::PointsOptions;
 use terrane_options::{Options, changed};
 use terrane_raster::Inputs;
-use terrane_tiles::CloudTilesOptions;
-use terrane_verify::{CloudMeshProof, CloudTilesProof};
-use terrane_viewer::info::CloudInfoOptions;
-use terrane_viewer::page::CloudPageOptions;
+use terrane_verify::CloudMeshProof;
 
 use super::Data;
 
@@ -176,89 +170,9 @@ impl Cloud {
         &self.info
     }
 
-    /// A triangle mesh of it, none of its points further from the mesh than a tolerance: the Delaunay triangulation of some
-    /// of its points, and of posts on breaklines.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [path, kerb, work, other] = ["mesh.ply", "kerb.wkt", "work", "other.ply"].map(|name| folder.path().join(name));
-    /// std::fs::write(&kerb, "LINESTRING (500010 4750010, 500040.5 4750033, 500055 4750020)").unwrap();
-    /// std::fs::write(kerb.with_extension("prj"), "EPSG:32631").unwrap();
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
-    /// let made = cloud.tin().max_error(0.5).breaklines(kerb.to_str().unwrap()).write(&path)?;
-    /// assert!(made.max_error <= Some(0.5) && made.breaklines.unwrap().apart == 0);
-    /// let proof = cloud.verify(&path).breaklines(kerb.to_str().unwrap()).run()?;
-    /// assert!(proof.verdict.passed && proof.verdict.judged);
-    ///
-    /// let plan = cloud.tin().max_error(0.5).plan(&work, None)?;
-    /// plan.run().task("choose-0").run()?; // anywhere, in any order
-    /// plan.run().output(&other).run()?; // what is left, and the mesh
-    /// assert!(cloud.verify(&other).run()?.verdict.passed);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn tin(&self) -> Job<'_, CloudTinOptions> {
-        self.job(|_| {})
-    }
-
-    /// A grid of it, with square cells of this side in units of the reference system: in one pass over the points, each band
-    /// a statistic of the points in its cells, or a model of the terrain. Corners of cells are at multiples of their size. The
-    /// result does not depend on the order of points or files.
-    ///
-    /// A [model](crate::prelude::GridSetters::dtm) without a side (`None`) has cells of about the distance between points.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [work, path, high] = ["work", "dtm.tif", "chm.tif"].map(|name| folder.path().join(name));
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
-    /// let ground = || cloud.grid(1.0).dtm(true).ground("csf:rigidness=1".parse::<terrane::GroundFrom>().unwrap());
-    /// ground().write(&path)?;
-    /// let made = ground().plan(&work, 256)?.run().run()?; // by tasks, the same bytes
-    /// assert!(std::fs::read(path).unwrap() == std::fs::read(made.written.unwrap()).unwrap());
-    /// let canopy: terrane::Canopy = "spike-free:freeze=2".parse()?;
-    /// let made = cloud.grid(1.0).chm(true).canopy(canopy).write(&high)?;
-    /// assert!(made.notes.iter().any(|note| note.contains("spike-free")));
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn grid(&self, cell: impl Into<Option<f64>>) -> Job<'_, GridOptions> {
-        let cell = cell.into().map(|side| [side; 2]);
-        self.job(|options: &mut GridOptions| options.cell = cell)
-    }
-
-    /// Its points in files of points, with all that is known of them: one file, LAS, LAZ, COPC or text by the name's ending
-    /// (`.las`, `.laz`, `.copc.laz`, `.csv`), or a folder of one for each [square](crate::prelude::PointsSetters::tile) or
-    /// [value of an attribute](crate::prelude::PointsSetters::split). Points stay in the order of the files' names and of the points in them unless
-    /// another is asked for; those marked as withheld are kept.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [path, thin, high, parts] = ["points.xyz", "thin.laz", "high.csv", "parts"].map(|name| folder.path().join(name));
-    /// use terrane::{Assign, HeightsAs, Thin};
-    /// std::fs::write(&path, "x y z class\n0 0 1 2\n4 0 3 2\n0 4 1 2\n1 1 9.25 5\n").unwrap();
-    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
-    /// let made = cloud.points().thin("2:lowest".parse::<Thin>().unwrap()).write(&thin)?;
-    /// assert_eq!(made.points, 3); // one of each square of 2 by 2
-    /// let set: Assign = "intensity = 10 * (z + 1)".parse().unwrap();
-    /// cloud.points().height_above_ground(HeightsAs::Z).attribute([set]).write(&high)?;
-    /// let text = std::fs::read_to_string(&high).unwrap();
-    /// assert!(text.lines().nth(4).unwrap().starts_with("1,1,7.75,")); // the ground is at 1.5 there
-    /// assert_eq!(cloud.points().split("class").write(&parts)?.files, 2);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn points(&self) -> Job<'_, PointsOptions> {
-        self.job(|_| {})
-    }
-
     /// A job on it whose options are its reading, and what `change` makes of them.
-    fn job<O: Options + Has<CloudInput> + Has<Resources>>(
+    #[cfg(any(feature = "lidar", feature = "viewer"))]
+    pub(super) fn job<O: Options + Has<CloudInput> + Has<Resources>>(
         &self,
         change: impl FnOnce(&mut O),
     ) -> Job<'_, O> {
@@ -272,64 +186,12 @@ impl Cloud {
         options
     }
 
-    /// A page of it for a browser: one file that holds so many of its [points](crate::prelude::CloudPageSetters::points) and what is known of them.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [path, page, picture] = ["cloud.xyz", "cloud.html", "cloud.png"].map(|name| folder.path().join(name));
-    /// # let text: String = (0..2000).map(|i| format!("{} {} {}\n", i % 50, i / 50, i % 7)).collect();
-    /// # std::fs::write(&path, text).unwrap();
-    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?; // "cloud.xyz"
-    /// assert_eq!(cloud.page().points(1000).write(&page)?.points, Some(1000));
-    /// let known = cloud.inspect().picture(&picture).run()?;
-    /// assert!(known.density.unwrap() > 1.0 && known.picture.unwrap().points > 1000);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn page(&self) -> Job<'_, CloudPageOptions> {
-        self.job(|_| {})
-    }
-
-    /// What is known of it, by its headers, or by [all of its points](crate::prelude::CloudInfoSetters::stats); with a [picture](crate::prelude::CloudInfoSetters::picture) of it from
-    /// above.
-    pub fn inspect(&self) -> Job<'_, CloudInfoOptions> {
-        self.job(|_| {})
-    }
-
-    /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](crate::prelude::GridSetters::dtm)) with square cells of this side, in units
-    /// of the reference system; about as wide as points are apart when `None`. What tiles promise is about samples
-    /// of the model.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let tiles = folder.path().join("tiles");
-    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
-    /// let made = cloud.tiles(2.0).max_level(12).write(&tiles)?;
-    /// assert!(made.levels.iter().all(|level| level.error <= level.tolerance)); // metres
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn tiles(&self, cell: impl Into<Option<f64>>) -> Job<'_, CloudTilesOptions> {
-        let cell = cell.into().map(|side| [side; 2]);
-        self.job(|options: &mut CloudTilesOptions| options.model.cell = cell)
-    }
-
     /// The proof of a mesh in a file against this cloud.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, CloudMeshProof, Written> {
         self.proof(mesh.as_ref())
     }
 
-    /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](crate::prelude::ModelSetters::cell) and
-    /// [ground](crate::prelude::ModelSetters::ground) as they were when the tiles were made.
-    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, Written> {
-        self.proof(tiles.as_ref())
-    }
-
-    fn proof<O: Proof + Has<CloudInput>>(&self, file: &Path) -> Job<'_, O, Written> {
+    pub(super) fn proof<O: Proof + Has<CloudInput>>(&self, file: &Path) -> Job<'_, O, Written> {
         let written = Written { file: file.to_path_buf(), original: Data::inputs(self) };
         Job::new(written, self.options(|_| {}))
     }

@@ -13,8 +13,6 @@ use terrane_raster::Inputs;
 use terrane_simplify::LineOptions;
 use terrane_vector::{self as vector, OpenOptions};
 use terrane_verify::LineProof;
-use terrane_viewer::info::FeaturesInfoOptions;
-use terrane_viewer::page::LinePageOptions;
 
 use super::Data;
 
@@ -66,37 +64,21 @@ impl Features {
         self.job()
     }
 
-    /// A page of its lines and rings for a browser, with all of their simplifications.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [path, page] = ["line.wkt", "line.html"].map(|name| folder.path().join(name));
-    /// # std::fs::write(&path, "LINESTRING(0 0, 1 0.01, 2 0)\n").unwrap();
-    /// let lines = terrane::open_features(&path)?;
-    /// assert_eq!(lines.page().write(&page)?.vertices, Some(3));
-    /// assert_eq!(lines.inspect().run()?.lines, 1);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn page(&self) -> Job<'_, LinePageOptions> {
-        self.job()
-    }
-
-    /// What they are: kinds of geometry, fields, heights, bounds. All of them are read.
-    pub fn inspect(&self) -> Job<'_, FeaturesInfoOptions> {
-        self.job()
-    }
-
-    fn job<O: Options + Has<FeatureInput> + Has<Resources>>(&self) -> Job<'_, O> {
+    pub(super) fn job<O: Options + Has<FeatureInput> + Has<Resources>>(&self) -> Job<'_, O> {
         Job::new(self.inputs(), self.options())
     }
 
     /// Options for the reading of these.
     fn options<O: Options + Has<FeatureInput>>(&self) -> O {
         let mut options = O::default();
-        options.part_mut().layer.clone_from(&self.layer);
+        *options.part_mut() = self.input();
         options
+    }
+
+    fn input(&self) -> FeatureInput {
+        let mut input = FeatureInput::default();
+        input.layer.clone_from(&self.layer);
+        input
     }
 
     /// The proof of simplified lines in a file against these.
@@ -112,6 +94,6 @@ impl Data for Features {
     }
 
     fn reading(&self) -> Map<String, Json> {
-        to_map(&self.options::<LinePageOptions>().features)
+        to_map(&self.input())
     }
 }

@@ -23,11 +23,7 @@ use terrane_terrain::relief::{
     TriOptions,
 };
 use terrane_terrain::tin::TinOptions;
-use terrane_tiles::TilesOptions;
-use terrane_verify::{MeshProof, TilesProof};
-use terrane_viewer::info::GridInfoOptions;
-use terrane_viewer::page::PageOptions;
-use terrane_viewer::view::PictureOptions;
+use terrane_verify::MeshProof;
 
 use super::Data;
 
@@ -374,72 +370,8 @@ impl Grid {
     }
 
     /// An operation on it.
-    fn job<O: Options + Has<GridInput> + Has<Resources>>(&self) -> Job<'_, O> {
+    pub(super) fn job<O: Options + Has<GridInput> + Has<Resources>>(&self) -> Job<'_, O> {
         Job::new(self.inputs.clone(), self.options())
-    }
-
-    /// A picture of it from above, as shaded relief: PNG, within so many columns.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [picture, page] = ["dem.png", "dem.html"].map(|name| folder.path().join(name));
-    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
-    /// let made = dem.picture().width(300).altitude(30.0).exaggeration(2.0).write(&picture)?;
-    /// assert_eq!((made.width, made.exaggeration), (300, 2.0));
-    /// let made = dem.page().insertion(true).write(&page)?; // how greedy insertion goes
-    /// assert_eq!(made.page, "insertion");
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn picture(&self) -> Job<'_, PictureOptions> {
-        self.job()
-    }
-
-    /// A page of it for a browser: one file that holds all it shows.
-    pub fn page(&self) -> Job<'_, PageOptions> {
-        self.job()
-    }
-
-    /// What is known of it: size, place, storage, what is odd about it, what a mesh of it would take; and of its
-    /// [heights](crate::prelude::GridInfoSetters::stats).
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
-    /// let known = dem.inspect().stats(true).run()?;
-    /// assert_eq!((known.format, known.stats.unwrap().valid), ("synthetic terrain", 129 * 129));
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn inspect(&self) -> Job<'_, GridInfoOptions> {
-        self.job()
-    }
-
-    /// Tiles of it for viewers of the globe, in any system, at every level of detail: quantized-mesh 1.0, 3D Tiles 1.1, or
-    /// both. No sample is further from a tile, as a client decodes it, than clients take its level to be off by. Sources:
-    /// <https://github.com/CesiumGS/quantized-mesh>, <https://www.ogc.org/standards/3dtiles>.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let (dem, tiles) = (folder.path().join("dem.asc"), folder.path().join("tiles"));
-    /// # let row = "5 7 9 6\n";
-    /// # let text = format!("ncols 4\nnrows 4\nxllcenter 7\nyllcenter 46\ncellsize 0.01\n{}", row.repeat(4));
-    /// # std::fs::write(&dem, text).unwrap();
-    /// # std::fs::write(folder.path().join("dem.prj"), "EPSG:4326").unwrap();
-    /// let made = terrane::open(&dem)?.tiles().max_level(8).write(&tiles)?;
-    /// assert_eq!(made.levels.len(), 9);
-    /// assert!(made.levels.iter().all(|level| level.error <= level.tolerance)); // metres
-    /// assert!(tiles.join("layer.json").exists());
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn tiles(&self) -> Job<'_, TilesOptions> {
-        self.job()
     }
 
     /// The proof of a mesh in a file against this grid. Meshes of terrane state their tolerance, what it is of, and their
@@ -448,24 +380,7 @@ impl Grid {
         self.proof(mesh.as_ref())
     }
 
-    /// The proof of a folder of terrain tiles against this grid.
-    ///
-    /// ```
-    /// # fn main() -> terrane::Result<()> {
-    /// use terrane::prelude::*;
-    /// # let folder = tempfile::tempdir().unwrap();
-    /// # let tiles = folder.path().join("tiles");
-    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
-    /// dem.tiles().max_level(11).write(&tiles)?;
-    /// assert!(dem.verify_tiles(&tiles).run()?.verdict.passed);
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, TilesProof, Written> {
-        self.proof(tiles.as_ref())
-    }
-
-    fn proof<O: Proof + Has<GridInput>>(&self, file: &Path) -> Job<'_, O, Written> {
+    pub(super) fn proof<O: Proof + Has<GridInput>>(&self, file: &Path) -> Job<'_, O, Written> {
         let written = Written { file: file.to_path_buf(), original: self.inputs.clone() };
         Job::new(written, self.options())
     }

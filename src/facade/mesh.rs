@@ -4,12 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
-use terrane_engine::operation::Job;
 use terrane_mesh as mesh;
 use terrane_raster::Inputs;
-use terrane_viewer::info::MeshInfoOptions;
-use terrane_viewer::page::PageOptions;
-use terrane_viewer::view::PictureOptions;
 
 use super::Data;
 
@@ -46,23 +42,6 @@ pub fn open_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
     let path = path.as_ref().to_path_buf();
     mesh::open(&path)?;
     Ok(Mesh { path })
-}
-
-impl Mesh {
-    /// What it is.
-    pub fn inspect(&self) -> Job<'_, MeshInfoOptions> {
-        Job::new(self.inputs(), MeshInfoOptions::default())
-    }
-
-    /// A picture of it from above: shaded relief, or the colours of its vertices.
-    pub fn picture(&self) -> Job<'_, PictureOptions> {
-        Job::new(self.inputs(), PictureOptions::default())
-    }
-
-    /// A page of it for a browser: one file that holds all it shows.
-    pub fn page(&self) -> Job<'_, PageOptions> {
-        Job::new(self.inputs(), PageOptions::default())
-    }
 }
 
 impl Data for Mesh {

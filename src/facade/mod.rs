@@ -6,10 +6,16 @@ mod cloud;
 mod data;
 mod features;
 mod grid;
+#[cfg(feature = "lidar")]
+mod lidar;
 mod mesh;
 mod plan;
 mod simplify;
 mod surface;
+#[cfg(feature = "tiles")]
+mod tiles;
+#[cfg(feature = "viewer")]
+mod viewer;
 
 pub use bands::{BandGrid, open_bands};
 pub use cloud::{Cloud, open_cloud, open_cloud_as, open_points};

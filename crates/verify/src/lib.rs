@@ -15,6 +15,7 @@ mod quality;
 mod report;
 mod spread;
 mod squares;
+#[cfg(feature = "tiles")]
 pub mod tiles;
 mod vertices;
 
@@ -45,8 +46,8 @@ pub use found::{FaultReport, MeshReport, Original};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
 use options::Proving;
 pub use options::{
-    CloudMeshProof, CloudMeshProofSetters, CloudTilesProof, CloudTilesProofSetters, Gone,
-    LineProof, LineProofSetters, MeshProof, MeshProofSetters, TilesProof, TilesProofSetters,
+    CloudMeshProof, CloudMeshProofSetters, Gone, LineProof, LineProofSetters, MeshProof,
+    MeshProofSetters,
 };
 pub use quality::{
     Against, AngleReport, AspectReport, Below, DegreeReport, Measured, QualityReport, SlopeReport,

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use terrane_options::{Choice, Options, Range, Rule};
 
 use super::cloud::verify_cloud;
-use super::tiles::{TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
 use super::{
     AskedBands, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyReport, run, verify_lines,
 };
@@ -18,7 +17,6 @@ use terrane_engine::proof::{Proof, Verdict, Written};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::path_of;
 use terrane_simplify::{Length, LengthText, Metric};
-use terrane_tiles::ModelOptions;
 
 /// A proof as it is asked for.
 #[derive(Clone, Copy)]
@@ -78,44 +76,6 @@ pub struct CloudMeshProof {
     /// What has to be in it.
     #[option(flatten)]
     pub constraints: Constraints,
-    /// How the cloud is read.
-    #[option(flatten)]
-    pub cloud: CloudInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
-}
-
-/// Prove terrain tiles against the grid they were made from
-#[derive(Clone, Debug, PartialEq, Options)]
-#[options(setters = own)]
-#[non_exhaustive]
-pub struct TilesProof {
-    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
-    #[option(value = "FILE", with = FileName, role = Reads)]
-    pub geoid: Option<String>,
-    /// How the grid is read.
-    #[option(flatten)]
-    pub grid: GridInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
-}
-
-/// Prove terrain tiles against the point cloud they were made from, by way of a model of its ground
-#[derive(Clone, Debug, PartialEq, Options)]
-#[options(setters = own)]
-#[non_exhaustive]
-pub struct CloudTilesProof {
-    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
-    #[option(value = "FILE", with = FileName, role = Reads)]
-    pub geoid: Option<String>,
-    /// Water of a file of features that was made level, which masks of water are held to
-    #[option(value = "FILE", with = FileName, role = Reads)]
-    pub water: Option<String>,
-    /// The model of the ground.
-    #[option(flatten)]
-    pub model: ModelOptions,
     /// How the cloud is read.
     #[option(flatten)]
     pub cloud: CloudInput,
@@ -216,42 +176,6 @@ impl Proof for CloudMeshProof {
     }
 
     fn verdict(report: &CloudVerifyReport) -> &Verdict {
-        &report.verdict
-    }
-}
-
-impl Proof for TilesProof {
-    const OF: &'static str = "terrain tiles of grids";
-    type Report = TilesVerifyReport;
-
-    fn prove(
-        &self,
-        written: &Written,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<TilesVerifyReport> {
-        verify_tiles(&Proving { written, options: self }, progress, cancel)
-    }
-
-    fn verdict(report: &TilesVerifyReport) -> &Verdict {
-        &report.verdict
-    }
-}
-
-impl Proof for CloudTilesProof {
-    const OF: &'static str = "terrain tiles of point clouds";
-    type Report = TilesVerifyReport;
-
-    fn prove(
-        &self,
-        written: &Written,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<TilesVerifyReport> {
-        verify_tiles_of_cloud(&Proving { written, options: self }, progress, cancel)
-    }
-
-    fn verdict(report: &TilesVerifyReport) -> &Verdict {
         &report.verdict
     }
 }

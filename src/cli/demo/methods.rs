@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::{Args, mesh, name_of, picture, prove, size, terrain};
-use crate::atomic;
 use crate::cli::shared::{Outcome, report, say, text};
-use crate::error::{Error, Result};
-use crate::methods::{METHODS, Triangulation};
+use terrane_base::error::{Error, Result};
+use terrane_baselines::{METHODS, Triangulation};
 use terrane_engine::proof::Verdict;
 use terrane_engine::{Cancel, Progress, Resources};
+use terrane_files::atomic;
 use terrane_terrain::convert;
 use terrane_terrain::tin::{Goal, Textbook, TinJob};
 use terrane_viewer::view::{Panel, SheetJob, run_sheet};

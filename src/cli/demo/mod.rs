@@ -5,14 +5,14 @@ mod methods;
 
 use std::path::{Path, PathBuf};
 
-use crate::atomic;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
-use crate::error::{Error, Result};
+use terrane_base::error::{Error, Result};
 use terrane_engine::proof::{Proof, Written};
 use terrane_engine::{Cancel, Progress, Resources};
+use terrane_files::atomic;
 use terrane_terrain::convert::{self, ConvertJob};
 use terrane_terrain::tin::{Goal, TinJob, TinReport};
 use terrane_verify::{MeshProof, VerifyReport};

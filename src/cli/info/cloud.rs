@@ -2,7 +2,7 @@
 
 use super::picture;
 use crate::cli::shared::text;
-use crate::geom::Point3;
+use terrane_base::geom::Point3;
 use terrane_viewer::cloud_stats::CloudStats;
 use terrane_viewer::heights::Heights;
 use terrane_viewer::info::CloudInfoReport;

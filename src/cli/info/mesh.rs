@@ -2,7 +2,7 @@
 
 use crate::cli::info::{details, quality};
 use crate::cli::shared::text;
-use crate::geom::Point3;
+use terrane_base::geom::Point3;
 use terrane_viewer::info::MeshInfoReport;
 
 /// Names and values.

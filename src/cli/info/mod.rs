@@ -16,15 +16,15 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, report, say, text};
-use crate::error::{Error, ErrorKind, Result};
-use crate::files::path_of;
-use crate::raster::Inputs;
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::input::is_mesh;
 use terrane_engine::operation::Has;
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput};
 use terrane_engine::proof::Inspection;
 use terrane_engine::sift::{Sifted, Skipped};
 use terrane_engine::{Cancel, Progress};
+use terrane_files::path_of;
+use terrane_raster::Inputs;
 use terrane_viewer::info::{
     CloudInfoOptions, CloudInfoReport, FeaturesInfoOptions, FeaturesInfoReport, GridInfoOptions,
     GridInfoReport, MeshInfoOptions, MeshInfoReport,

@@ -16,14 +16,14 @@ use crate::cli::shared::union::Union;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names};
 use crate::cli::tin;
-use crate::error::{Error, Result};
-use crate::raster::Inputs;
+use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::{Divisible, Operation, Request, plan_of};
 use terrane_engine::plan::StatusReport;
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::grid::GridOptions;
 use terrane_lidar::translate::PointsOptions;
+use terrane_raster::Inputs;
 use terrane_terrain::tin::TinOptions;
 use terrane_tiles::TilesOptions;
 

@@ -7,7 +7,7 @@ use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, say, text};
 use crate::cli::{grid, points, tiles, tin};
-use crate::error::{Error, Result};
+use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{Kind, RunJob, RunOptions, RunReport, Written, kind};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say, text};
-use crate::error::Result;
+use terrane_base::error::Result;
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{Forecast, Kind, StatusReport, kind};
 use terrane_engine::sift::Skipped;

@@ -4,10 +4,10 @@ use clap::Args;
 
 use crate::cli::shared::progress::{self, How};
 use crate::cli::shared::say;
-use crate::error::{Error, Result};
-use crate::files::{is_made, path_of};
+use terrane_base::error::{Error, Result};
 use terrane_engine::Progress;
 use terrane_engine::input::is_mesh;
+use terrane_files::{is_made, path_of};
 
 /// Fails when `input` is no grid file, because `option` is about those.
 pub(crate) fn only_grid_files(option: &str, input: &str) -> Result<()> {

@@ -4,14 +4,14 @@ use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::atomic;
 use crate::cli::shared::pipes;
-use crate::error::{Error, ErrorKind, Result, all, is_address};
-use crate::files::is_made;
-use crate::files::{companions, path_of};
-use crate::raster;
+use terrane_base::error::{Error, ErrorKind, Result, all, is_address};
 pub(crate) use terrane_engine::outputs::not_among;
 use terrane_engine::outputs::{is_same, place};
+use terrane_files::atomic;
+use terrane_files::is_made;
+use terrane_files::{companions, path_of};
+use terrane_raster as raster;
 
 /// As [`input`], for each of `inputs`.
 pub(crate) fn inputs(inputs: &[String]) -> Result<()> {

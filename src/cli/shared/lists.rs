@@ -1,10 +1,17 @@
 //! Lists that the help of a verb ends in, taken from the registries.
 
-use crate::parameters::Parameter;
-use crate::{attribute, gridding, line, mesh, methods, raster, synth, vector};
+use terrane_base::attribute;
+use terrane_base::parameters::Parameter;
+use terrane_baselines as methods;
+use terrane_gridding as gridding;
 use terrane_ground::noise;
 use terrane_lidar::translate::KEPT;
+use terrane_line as line;
+use terrane_mesh as mesh;
 use terrane_options::Table;
+use terrane_raster as raster;
+use terrane_synth as synth;
+use terrane_vector as vector;
 
 /// The last list of verbs that can fail in every way.
 pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \

@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use crate::cli::shared::{check, pipes, say};
-use crate::cloud;
-use crate::error::{Error, Result, all};
-use crate::files::{is_made, path_of};
-use crate::{raster, vector};
+use terrane_base::error::{Error, Result, all};
+use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::input::is_mesh;
 use terrane_engine::sift::{self, Sifted, Skipped};
+use terrane_files::{is_made, path_of};
+use terrane_raster as raster;
+use terrane_vector as vector;
 
 /// Which of many files are taken.
 #[derive(Clone, Debug, Default, clap::Args)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser;
 use clap::error::ErrorKind::MissingRequiredArgument;
 
-use crate::files::{name_of, path_of};
+use terrane_files::{name_of, path_of};
 
 /// What the names are called in the help.
 pub(crate) const NAMES: [&str; 2] = ["INPUT", "OUTPUT"];

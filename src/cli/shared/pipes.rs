@@ -14,12 +14,12 @@ use std::time::Duration;
 
 use tempfile::TempDir;
 
-use crate::atomic;
-use crate::error::{Error, ErrorKind, Result};
-use crate::files::name_of;
-use crate::raster::Inputs;
-use crate::vector;
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Resources};
+use terrane_files::atomic;
+use terrane_files::name_of;
+use terrane_raster::Inputs;
+use terrane_vector as vector;
 
 /// The name of stdin.
 const STDIN: &str = "-";
@@ -238,14 +238,14 @@ fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
     let shown = path.display().to_string();
     // As it stands in JSON, where that differs.
     let quoted = serde_json::Value::from(shown.as_str()).to_string();
-    let mut places = crate::files::lock(&PLACES);
+    let mut places = terrane_files::lock(&PLACES);
     places.extend([quoted.trim_matches('"').to_owned(), shown]);
     Ok((folder, path))
 }
 
 /// A text for people or programs: files that stand for stdin and stdout are called `-`, as the user calls them.
 pub(crate) fn told(text: &str) -> Cow<'_, str> {
-    let places = crate::files::lock(&PLACES);
+    let places = terrane_files::lock(&PLACES);
     places.iter().fold(Cow::Borrowed(text), |text, place| match text.contains(place) {
         true => Cow::Owned(without(place, &text)),
         false => text,

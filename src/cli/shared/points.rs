@@ -1,7 +1,7 @@
 //! What became of points, for people.
 
 use crate::cli::shared::text;
-use crate::cloud::Census;
+use terrane_cloud::Census;
 
 /// What became of the points, for people.
 pub(crate) fn census(census: &Census) -> String {

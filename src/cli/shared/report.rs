@@ -4,12 +4,12 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::atomic::AtomicFile;
 use crate::cli::shared::{say, system, text};
-use crate::error::{Error, Result};
+use terrane_base::error::{Error, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::sift::Skipped;
 use terrane_engine::transform::Transformed;
+use terrane_files::atomic::AtomicFile;
 
 /// A report with the files that were left out.
 #[derive(Serialize)]

@@ -6,8 +6,8 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use crate::cli::shared::pipes::told;
-use crate::door::Door;
-use crate::error::{Error, ErrorKind, Result};
+use terrane_base::door::Door;
+use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Prints a result.
 pub(crate) fn result(text: &str) -> Result<()> {

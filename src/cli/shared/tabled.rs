@@ -11,7 +11,7 @@ use clap::{Arg, ArgAction, ArgMatches, Command, ValueHint};
 use terrane_options::{Field, Kind, Options, Role, Shape, set_texts, to_map};
 
 use crate::cli::shared::names;
-use crate::door::Door;
+use terrane_base::door::Door;
 
 /// Options within arguments of clap, and the names of those that were given; of a plan those that say something of the
 /// result alone.

@@ -4,11 +4,11 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use crate::raster::WaterReport;
 use terrane_engine::bands::BandReport;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::kept::KeptReport;
 use terrane_engine::placing::Placed;
+use terrane_raster::WaterReport;
 
 /// "1,234,567".
 pub(crate) fn count(n: u64) -> String {

@@ -7,8 +7,8 @@ use serde_json::{Map, Value};
 use terrane_options::{Field, Options, Role, Rule, Table, set_texts, to_map};
 
 use crate::cli::shared::tabled::{argument, given};
-use crate::error::{Error, Result};
-use crate::files::path_of;
+use terrane_base::error::{Error, Result};
+use terrane_files::path_of;
 
 /// The options for one kind of inputs.
 pub(crate) struct Kind {

@@ -7,8 +7,8 @@ use clap::{ArgMatches, Command};
 
 use crate::cli::shared::many::Many;
 use crate::cli::shared::{Outcome, names};
-use crate::door::Door;
-use crate::error::Result;
+use terrane_base::door::Door;
+use terrane_base::error::Result;
 use terrane_engine::Cancel;
 
 /// Arguments that can be run.

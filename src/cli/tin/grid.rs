@@ -2,7 +2,7 @@
 
 use crate::cli::shared::{report, system, text};
 use crate::cli::tin::told::{errors, stages};
-use crate::raster::undeclared_nodata;
+use terrane_raster::undeclared_nodata;
 use terrane_terrain::tin::{GREEDY, TinReport};
 
 /// A made mesh for people.

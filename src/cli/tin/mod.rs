@@ -16,7 +16,7 @@ use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names};
 use crate::cli::verify;
-use crate::error::{Error, Result};
+use terrane_base::error::{Error, Result};
 use terrane_engine::operation::Has;
 use terrane_engine::options::Replacing;
 use terrane_engine::proof::{Proof, Written};

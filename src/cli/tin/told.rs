@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::verify;
-use crate::error::Result;
+use terrane_base::error::Result;
 use terrane_engine::sift::Skipped;
 use terrane_terrain::tin::StageReport;
 use terrane_verify::{MeshReport, Original};

@@ -1,8 +1,8 @@
 //! Proofs of meshes of grids, for people.
 
-use crate::bound::Bound;
 use crate::cli::shared::text;
 use crate::cli::verify::told;
+use terrane_base::bound::Bound;
 use terrane_verify::{BandProof, OfGrid, VerifyReport};
 
 /// A proof for people.

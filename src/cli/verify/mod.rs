@@ -19,18 +19,18 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report};
-use crate::cloud::is_cloud;
-use crate::error::{Error, Result};
-use crate::files::{name_of, path_of};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::is_cloud;
 use terrane_engine::Cancel;
 use terrane_engine::input::is_mesh;
 use terrane_engine::operation::{Has, read_beside};
 use terrane_engine::options::{CloudInput, GridInput};
 use terrane_engine::proof::{Proof, Written};
 use terrane_engine::sift::{Sifted, Skipped};
+use terrane_files::{name_of, path_of};
 use terrane_tiles::Format;
-use terrane_verify::tiles::is_tiles;
-use terrane_verify::{CloudMeshProof, CloudTilesProof, LineProof, MeshProof, TilesProof};
+use terrane_verify::tiles::{CloudTilesProof, TilesProof, is_tiles};
+use terrane_verify::{CloudMeshProof, LineProof, MeshProof};
 
 /// Prove a mesh against its grid or point cloud, terrain tiles against their grid or cloud, or simplified lines
 /// against their original: error bound, coverage, topology; of lines also features, properties, heights

@@ -2,7 +2,7 @@
 
 use crate::cli::shared::report::{self, Row};
 use crate::cli::shared::{Outcome, say, text};
-use crate::door::Door;
+use terrane_base::door::Door;
 use terrane_engine::proof::Verdict;
 use terrane_verify::{MeshReport, Original};
 

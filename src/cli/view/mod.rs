@@ -12,11 +12,11 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, pipes};
-use crate::error::{Error, Result};
-use crate::files::path_of;
+use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::operation::{Has, Operation};
 use terrane_engine::options::Replacing;
+use terrane_files::path_of;
 use terrane_viewer::page::{
     CloudPageOptions, LinePageOptions, PageOptions, PageReport, TilesPageOptions, is_tiles,
 };

@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::{Args, page_summary};
 use crate::cli::shared::verb::Call;
 use crate::cli::shared::{Outcome, report, text};
-use crate::error::{Error, Result};
-use crate::files::folder_for;
+use terrane_base::error::{Error, Result};
 use terrane_engine::sift::Skipped;
+use terrane_files::folder_for;
 use terrane_viewer::page::PageReport;
 use terrane_viewer::serve::{Server, Site};
 

@@ -9,6 +9,7 @@ mod below;
 mod cache;
 mod folder;
 mod layer;
+mod options;
 mod place;
 mod report;
 mod room;
@@ -24,7 +25,7 @@ use self::folder::Tiles;
 use self::layer::{Kind, Layer};
 use self::place::Places;
 use self::room::{Divided, Room};
-use super::options::{CloudTilesProof, Proving, TilesProof};
+use super::options::Proving;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::{cache_beside, too_little, with_polygons};
@@ -35,6 +36,7 @@ use terrane_proof::tiles::{Shore, Tile, TileId};
 use terrane_raster::{self as raster, Water};
 use terrane_tiles::GroundModel;
 
+pub use options::{CloudTilesProof, CloudTilesProofSetters, TilesProof, TilesProofSetters};
 pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
 
 /// Least memory that a proof can work in.

@@ -1,3 +1,5 @@
+//! Surfaces with vertices in one place, and those without.
+
 use proptest::prelude::*;
 
 use super::super::ellipsoid::position;

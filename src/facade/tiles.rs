@@ -1,0 +1,81 @@
+//! Terrain tiles of grids and of point clouds, and their proofs.
+
+use std::path::Path;
+
+use terrane_engine::operation::Job;
+use terrane_engine::proof::Written;
+use terrane_tiles::{CloudTilesOptions, TilesOptions};
+use terrane_verify::tiles::{CloudTilesProof, TilesProof};
+
+use super::{Cloud, Grid};
+
+impl Grid {
+    /// Tiles of it for viewers of the globe, in any system, at every level of detail: quantized-mesh 1.0, 3D Tiles 1.1, or
+    /// both. No sample is further from a tile, as a client decodes it, than clients take its level to be off by. Sources:
+    /// <https://github.com/CesiumGS/quantized-mesh>, <https://www.ogc.org/standards/3dtiles>.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let (dem, tiles) = (folder.path().join("dem.asc"), folder.path().join("tiles"));
+    /// # let row = "5 7 9 6\n";
+    /// # let text = format!("ncols 4\nnrows 4\nxllcenter 7\nyllcenter 46\ncellsize 0.01\n{}", row.repeat(4));
+    /// # std::fs::write(&dem, text).unwrap();
+    /// # std::fs::write(folder.path().join("dem.prj"), "EPSG:4326").unwrap();
+    /// let made = terrane::open(&dem)?.tiles().max_level(8).write(&tiles)?;
+    /// assert_eq!(made.levels.len(), 9);
+    /// assert!(made.levels.iter().all(|level| level.error <= level.tolerance)); // metres
+    /// assert!(tiles.join("layer.json").exists());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn tiles(&self) -> Job<'_, TilesOptions> {
+        self.job()
+    }
+
+    /// The proof of a folder of terrain tiles against this grid.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let tiles = folder.path().join("tiles");
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// dem.tiles().max_level(11).write(&tiles)?;
+    /// assert!(dem.verify_tiles(&tiles).run()?.verdict.passed);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, TilesProof, Written> {
+        self.proof(tiles.as_ref())
+    }
+}
+
+impl Cloud {
+    /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](crate::prelude::GridSetters::dtm)) with square cells of this side, in units
+    /// of the reference system; about as wide as points are apart when `None`. What tiles promise is about samples
+    /// of the model.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let tiles = folder.path().join("tiles");
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
+    /// let made = cloud.tiles(2.0).max_level(12).write(&tiles)?;
+    /// assert!(made.levels.iter().all(|level| level.error <= level.tolerance)); // metres
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn tiles(&self, cell: impl Into<Option<f64>>) -> Job<'_, CloudTilesOptions> {
+        let cell = cell.into().map(|side| [side; 2]);
+        self.job(|options: &mut CloudTilesOptions| options.model.cell = cell)
+    }
+
+    /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](crate::prelude::ModelSetters::cell) and
+    /// [ground](crate::prelude::ModelSetters::ground) as they were when the tiles were made.
+    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, Written> {
+        self.proof(tiles.as_ref())
+    }
+}

@@ -1,0 +1,121 @@
+//! Pictures and pages of data, and what is known of it.
+
+use terrane_engine::operation::Job;
+use terrane_viewer::info::{
+    CloudInfoOptions, FeaturesInfoOptions, GridInfoOptions, MeshInfoOptions,
+};
+use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions};
+use terrane_viewer::view::PictureOptions;
+
+use super::{Cloud, Data, Features, Grid, Mesh};
+
+impl Grid {
+    /// A picture of it from above, as shaded relief: PNG, within so many columns.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [picture, page] = ["dem.png", "dem.html"].map(|name| folder.path().join(name));
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// let made = dem.picture().width(300).altitude(30.0).exaggeration(2.0).write(&picture)?;
+    /// assert_eq!((made.width, made.exaggeration), (300, 2.0));
+    /// let made = dem.page().insertion(true).write(&page)?; // how greedy insertion goes
+    /// assert_eq!(made.page, "insertion");
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn picture(&self) -> Job<'_, PictureOptions> {
+        self.job()
+    }
+
+    /// A page of it for a browser: one file that holds all it shows.
+    pub fn page(&self) -> Job<'_, PageOptions> {
+        self.job()
+    }
+
+    /// What is known of it: size, place, storage, what is odd about it, what a mesh of it would take; and of its
+    /// [heights](crate::prelude::GridInfoSetters::stats).
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+    /// let known = dem.inspect().stats(true).run()?;
+    /// assert_eq!((known.format, known.stats.unwrap().valid), ("synthetic terrain", 129 * 129));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn inspect(&self) -> Job<'_, GridInfoOptions> {
+        self.job()
+    }
+}
+
+impl Cloud {
+    /// A page of it for a browser: one file that holds so many of its [points](crate::prelude::CloudPageSetters::points) and what is known of them.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, page, picture] = ["cloud.xyz", "cloud.html", "cloud.png"].map(|name| folder.path().join(name));
+    /// # let text: String = (0..2000).map(|i| format!("{} {} {}\n", i % 50, i / 50, i % 7)).collect();
+    /// # std::fs::write(&path, text).unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?; // "cloud.xyz"
+    /// assert_eq!(cloud.page().points(1000).write(&page)?.points, Some(1000));
+    /// let known = cloud.inspect().picture(&picture).run()?;
+    /// assert!(known.density.unwrap() > 1.0 && known.picture.unwrap().points > 1000);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn page(&self) -> Job<'_, CloudPageOptions> {
+        self.job(|_| {})
+    }
+
+    /// What is known of it, by its headers, or by [all of its points](crate::prelude::CloudInfoSetters::stats); with a [picture](crate::prelude::CloudInfoSetters::picture) of it from
+    /// above.
+    pub fn inspect(&self) -> Job<'_, CloudInfoOptions> {
+        self.job(|_| {})
+    }
+}
+
+impl Mesh {
+    /// What it is.
+    pub fn inspect(&self) -> Job<'_, MeshInfoOptions> {
+        Job::new(self.inputs(), MeshInfoOptions::default())
+    }
+
+    /// A picture of it from above: shaded relief, or the colours of its vertices.
+    pub fn picture(&self) -> Job<'_, PictureOptions> {
+        Job::new(self.inputs(), PictureOptions::default())
+    }
+
+    /// A page of it for a browser: one file that holds all it shows.
+    pub fn page(&self) -> Job<'_, PageOptions> {
+        Job::new(self.inputs(), PageOptions::default())
+    }
+}
+
+impl Features {
+    /// A page of its lines and rings for a browser, with all of their simplifications.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, page] = ["line.wkt", "line.html"].map(|name| folder.path().join(name));
+    /// # std::fs::write(&path, "LINESTRING(0 0, 1 0.01, 2 0)\n").unwrap();
+    /// let lines = terrane::open_features(&path)?;
+    /// assert_eq!(lines.page().write(&page)?.vertices, Some(3));
+    /// assert_eq!(lines.inspect().run()?.lines, 1);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn page(&self) -> Job<'_, LinePageOptions> {
+        self.job()
+    }
+
+    /// What they are: kinds of geometry, fields, heights, bounds. All of them are read.
+    pub fn inspect(&self) -> Job<'_, FeaturesInfoOptions> {
+        self.job()
+    }
+}
