@@ -8,6 +8,7 @@ mod dbf;
 mod feature;
 mod find;
 mod flatgeobuf;
+mod format;
 mod geojson;
 mod geometry;
 mod gpx;
@@ -35,12 +36,13 @@ mod wkt;
 use std::path::Path;
 
 use terrane_base::error::{Error, Result};
-use terrane_base::registry::{Named, offered};
+use terrane_base::registry::offered;
 use terrane_files::RawFile;
-use terrane_files::format::{self, Format};
+use terrane_files::format::by_extension;
 
 pub use feature::{Feature, Field, FieldKind, Id, Layer, Member, Properties, Value};
 pub use find::{files, files_below, is_collection};
+pub use format::{Create, Holds, Values, VectorFormat};
 pub use geometry::{Coordinates, Geometry, Kind, Part, Role};
 pub use keep::Kept;
 pub use round::rounded;
@@ -61,70 +63,9 @@ pub const FORMATS: &[VectorFormat] = &[
     csv::FORMAT,
 ];
 
-/// One format: an entry of [`FORMATS`].
-#[derive(Debug)]
-pub struct VectorFormat {
-    /// Short name for `--format` and messages ("GeoJSON").
-    pub name: &'static str,
-    /// File name endings, lower case, without the dot.
-    pub extensions: &'static [&'static str],
-    /// One line for the documentation.
-    pub about: &'static str,
-    /// What a file of it can hold.
-    pub holds: Holds,
-    /// Opens a file for reading.
-    pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn FeatureSource>>,
-    /// Starts a file; `None` for formats that are only read.
-    pub create: Option<Create>,
-    /// True when the first bytes of a file (up to 4096) are this format's.
-    pub sniff: fn(&[u8]) -> bool,
-}
-
 /// Formats that are read and written from front to back, as pipes are; what they are read through and
 /// gathered in is a file all the same.
 pub const STREAMED: [&str; 4] = ["GeoJSON", "GeoJSONSeq", "WKT", "CSV"];
-
-/// Starts a file of a format.
-pub type Create = fn(&Path, &Layer, &WriteOptions) -> Result<Box<dyn FeatureSink>>;
-
-/// What a format can hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Holds {
-    /// Kinds of geometries that come back as they were.
-    pub kinds: &'static [Kind],
-    /// True when one file can hold geometries of several kinds.
-    pub mixed: bool,
-    /// Heights.
-    pub z: bool,
-    /// Measures.
-    pub m: bool,
-    /// Properties of any type.
-    pub properties: bool,
-    /// How values of properties are held.
-    pub values: Values,
-    /// Ids apart from properties.
-    pub ids: bool,
-    /// True where features come back in the order they were written.
-    pub ordered: bool,
-}
-
-/// How a format holds values of properties.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Values {
-    /// Not at all.
-    None,
-    /// Each with a type of its own.
-    Typed,
-    /// In columns that have a type: a column of several kinds of values holds texts.
-    Columns,
-    /// As [`Columns`](Self::Columns) of a dBASE table: with names of ten bytes, digits behind the point
-    /// as the column says, and no difference between no text and none at all.
-    Dbase,
-    /// As text, without a type.
-    Cells,
-    /// As text, under names that the format knows: those of points, and of lines.
-    Named([&'static [&'static str]; 2]),
-}
 
 /// Opens a file of features: its format is known by its first bytes, or else by its name; or synthetic
 /// lines by theirs, such as `synth:koch,vertices=1000000`.
@@ -181,10 +122,7 @@ const SNIFF_BYTES: u64 = 4096;
 /// A file that cannot be read.
 pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
     let head = RawFile::open(path)?.head(SNIFF_BYTES)?;
-    Ok(FORMATS
-        .iter()
-        .find(|format| (format.sniff)(&head))
-        .or_else(|| format::by_extension(FORMATS, path)))
+    Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(FORMATS, path)))
 }
 
 /// The format called `name`, or else the one that the ending of `path` stands for (letter case does
@@ -193,29 +131,7 @@ pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
 /// # Errors
 /// An unknown name or ending; the error lists the known ones.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static VectorFormat> {
-    format::by_path(FORMATS, path, name)
-}
-
-impl Named for VectorFormat {
-    const KIND: &'static str = "vector format";
-
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn aliases(&self) -> &'static [&'static str] {
-        self.extensions
-    }
-
-    fn is_offered(&self) -> bool {
-        self.create.is_some()
-    }
-}
-
-impl Format for VectorFormat {
-    fn extensions(&self) -> &'static [&'static str] {
-        self.extensions
-    }
+    terrane_files::format::by_path(FORMATS, path, name)
 }
 
 fn known(text: impl Fn(&VectorFormat) -> String) -> String {

@@ -3,7 +3,8 @@
 mod read;
 mod write;
 
-use super::{Holds, Kind, Values, VectorFormat};
+use crate::format::{Holds, Values, VectorFormat};
+use crate::geometry::Kind;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {

@@ -3,12 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use super::encoding::Encoding;
-use super::{DELETED, HEADER_BYTES, HEADER_END};
 use crate::feature::{Field, FieldKind, Properties, Value, is_date};
 use crate::number;
 use crate::pages::Pages;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
+
+/// Bytes of a table's header, and of each field's description behind it.
+pub(super) const HEADER_BYTES: u64 = 32;
+/// The end of the descriptions.
+pub(super) const HEADER_END: u8 = 0x0d;
+/// The mark of a record that is deleted.
+const DELETED: u8 = b'*';
 
 /// A table being read.
 pub(crate) struct Reader {

@@ -1,6 +1,6 @@
 //! Writing of tables whose columns are known.
 
-use super::{HEADER_BYTES, HEADER_END, MOST_TEXT};
+use super::read::{HEADER_BYTES, HEADER_END};
 use crate::feature::{FieldKind, Value};
 use crate::out::Out;
 use crate::table::{Column, push_text};
@@ -25,7 +25,7 @@ struct FieldPlan {
 
 impl Plan {
     /// Most bytes of a value as text.
-    pub(crate) const MOST: usize = MOST_TEXT;
+    pub(crate) const MOST: usize = 254;
 
     /// For the columns; the notes tell of names that had to change.
     pub(crate) fn new(columns: &[Column], notes: &mut Vec<String>) -> Result<Self> {
@@ -83,7 +83,7 @@ fn plan(column: &Column, name: String) -> Result<FieldPlan> {
             (b'N', column.width.max(decimals + 2), decimals)
         }
         FieldKind::Text | FieldKind::DateTime | FieldKind::Json => {
-            (b'C', column.width.clamp(1, MOST_TEXT), 0)
+            (b'C', column.width.clamp(1, Plan::MOST), 0)
         }
     };
     Ok(FieldPlan { name, letter, width: width.min(255), decimals, kind })

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::schema::{self, KINDS, MAGIC};
+use super::value;
 use super::view::View;
-use super::{KINDS, MAGIC, slot, value};
 use crate::feature::{Feature, Field, Layer};
 use crate::geometry::{Coordinates, Geometry, Kind};
 use crate::pages::{Pages, numbers, pairs};
@@ -46,25 +47,28 @@ impl Header {
     fn read(view: View<'_>) -> Result<Self> {
         let mut fields = Vec::new();
         let mut types = Vec::new();
-        for column in view.tables(slot::HEADER_COLUMNS)? {
+        for column in view.tables(schema::HEADER_COLUMNS)? {
             let (field, code) = column_of(column?)?;
             fields.push(field);
             types.push(code);
             limits::check("fields of a table", fields.len() as u64, limits::MAX_FIELDS)?;
         }
-        let envelope = numbers(view.list(slot::HEADER_ENVELOPE, 8)?);
+        let envelope = numbers(view.list(schema::HEADER_ENVELOPE, 8)?);
         let extent = envelope.first_chunk().copied();
-        let count = view.number(slot::HEADER_COUNT)?.map_or(0, u64::from_le_bytes);
-        let node = view.number(slot::HEADER_NODE)?.map_or(16, u16::from_le_bytes);
+        let count = view.number(schema::HEADER_COUNT)?.map_or(0, u64::from_le_bytes);
+        let node = view.number(schema::HEADER_NODE)?.map_or(16, u16::from_le_bytes);
         let layer = Layer {
-            name: view.text(slot::HEADER_NAME)?.filter(|name| !name.is_empty()).map(str::to_owned),
-            crs: view.table(slot::HEADER_CRS)?.map_or(Ok(Crs::default()), crs)?,
+            name: view
+                .text(schema::HEADER_NAME)?
+                .filter(|name| !name.is_empty())
+                .map(str::to_owned),
+            crs: view.table(schema::HEADER_CRS)?.map_or(Ok(Crs::default()), crs)?,
             schema: Some(fields),
             extent: extent.filter(|b: &[f64; 4]| b[0] <= b[2] && b[1] <= b[3]),
             features: (count > 0).then_some(count),
             ..Layer::default()
         };
-        let kind = kind_of(view.u8(slot::HEADER_KIND)?)?;
+        let kind = kind_of(view.u8(schema::HEADER_KIND)?)?;
         Ok(Self { layer, types, kind, count, node: node.into() })
     }
 
@@ -82,23 +86,23 @@ impl Header {
 }
 
 fn column_of(view: View<'_>) -> Result<(Field, u8)> {
-    let name = view.text(slot::COLUMN_NAME)?;
+    let name = view.text(schema::COLUMN_NAME)?;
     let name = name.ok_or_else(|| Error::bad_input("a column has no name"))?;
-    let code = view.u8(slot::COLUMN_TYPE)?;
+    let code = view.u8(schema::COLUMN_TYPE)?;
     let number = |slot: usize| -> Result<Option<u32>> {
         Ok(view.number(slot)?.map(i32::from_le_bytes).and_then(|n| u32::try_from(n).ok()))
     };
-    let (width, decimals) = (number(slot::COLUMN_WIDTH)?, number(slot::COLUMN_SCALE)?);
+    let (width, decimals) = (number(schema::COLUMN_WIDTH)?, number(schema::COLUMN_SCALE)?);
     Ok((Field { name: name.into(), kind: value::kind_of(code)?, width, decimals }, code))
 }
 
 fn crs(view: View<'_>) -> Result<Crs> {
-    let code = view.number(slot::CRS_CODE)?.map_or(0, i32::from_le_bytes);
-    let org = view.text(slot::CRS_ORG)?.unwrap_or("EPSG");
+    let code = view.number(schema::CRS_CODE)?.map_or(0, i32::from_le_bytes);
+    let org = view.text(schema::CRS_ORG)?.unwrap_or("EPSG");
     if code > 0 && org.eq_ignore_ascii_case("EPSG") {
         return Ok(wkt::of_srs(&format!("EPSG:{code}")));
     }
-    Ok(match (view.text(slot::CRS_WKT)?, view.text(slot::CRS_NAME)?) {
+    Ok(match (view.text(schema::CRS_WKT)?, view.text(schema::CRS_NAME)?) {
         (Some(text), _) if !text.is_empty() => wkt::of_srs(text),
         (_, name) => Crs { citation: name.map(str::to_owned), ..Crs::default() },
     })
@@ -141,7 +145,7 @@ impl FeatureSource for Source {
         let bytes = self.pages.get(self.offset + 4, size)?;
         let view = View::root(bytes)?;
         let mut budget = bytes.len();
-        let geometry = match view.table(slot::FEATURE_GEOMETRY)? {
+        let geometry = match view.table(schema::FEATURE_GEOMETRY)? {
             Some(table) => geometry(table, self.header.kind, 0, &mut budget)?,
             None => Geometry::null(),
         };
@@ -150,7 +154,7 @@ impl FeatureSource for Source {
             (layer.schema.as_deref().unwrap_or_default(), &self.header.types);
         // A feature may have columns of its own.
         let mut own = (Vec::new(), Vec::new());
-        for column in view.tables(slot::FEATURE_COLUMNS)? {
+        for column in view.tables(schema::FEATURE_COLUMNS)? {
             let (field, code) = column_of(column?)?;
             own.0.push(field);
             own.1.push(code);
@@ -158,7 +162,7 @@ impl FeatureSource for Source {
         if !own.0.is_empty() {
             (fields, types) = (&own.0, &own.1);
         }
-        let bytes = view.list(slot::FEATURE_PROPERTIES, 1)?;
+        let bytes = view.list(schema::FEATURE_PROPERTIES, 1)?;
         let (properties, has_binary) = value::properties(bytes, fields, types)?;
         self.has_binary |= has_binary;
         self.offset += 4 + size;
@@ -190,16 +194,16 @@ fn geometry(
     budget: &mut usize,
 ) -> Result<Geometry> {
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
-    let own = kind_of(view.u8(slot::GEOMETRY_KIND)?)?;
+    let own = kind_of(view.u8(schema::GEOMETRY_KIND)?)?;
     let Some(kind) = own.or(known) else { return Ok(Geometry::null()) };
     // A single polygon of several may do without a table of its own.
     let is_flat = kind == Kind::MultiPolygon
-        && !view.list(slot::GEOMETRY_XY, 8)?.is_empty()
-        && view.tables(slot::GEOMETRY_PARTS)?.next().is_none();
+        && !view.list(schema::GEOMETRY_XY, 8)?.is_empty()
+        && view.tables(schema::GEOMETRY_PARTS)?.next().is_none();
     if matches!(kind, Kind::Collection | Kind::MultiPolygon) && !is_flat {
         let part = (kind == Kind::MultiPolygon).then_some(Kind::Polygon);
         let mut parts = Vec::new();
-        for table in view.tables(slot::GEOMETRY_PARTS)? {
+        for table in view.tables(schema::GEOMETRY_PARTS)? {
             spend(budget, 8)?;
             let count = parts.len() as u64;
             limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
@@ -210,9 +214,9 @@ fn geometry(
             _ => joined(&parts),
         };
     }
-    let xy = view.list(slot::GEOMETRY_XY, 8)?;
-    let (z, m) = (view.list(slot::GEOMETRY_Z, 8)?, view.list(slot::GEOMETRY_M, 8)?);
-    let ends = view.list(slot::GEOMETRY_ENDS, 4)?;
+    let xy = view.list(schema::GEOMETRY_XY, 8)?;
+    let (z, m) = (view.list(schema::GEOMETRY_Z, 8)?, view.list(schema::GEOMETRY_M, 8)?);
+    let ends = view.list(schema::GEOMETRY_ENDS, 4)?;
     spend(budget, xy.len() + z.len() + m.len() + ends.len())?;
     let wrong = || Error::bad_input("the lists of a geometry do not fit together");
     let mut found =
@@ -301,12 +305,12 @@ mod tests {
         let (table, mut places) = collection(&mut build);
         build.set_root(table);
         for _ in 0..levels {
-            let links = build.links(places[slot::GEOMETRY_PARTS], 10);
+            let links = build.links(places[schema::GEOMETRY_PARTS], 10);
             let (table, inner) = collection(&mut build);
             links.into_iter().for_each(|link| build.link(link, table));
             places = inner;
         }
-        build.links(places[slot::GEOMETRY_PARTS], 0);
+        build.links(places[schema::GEOMETRY_PARTS], 0);
         build.finish().unwrap()
     }
 

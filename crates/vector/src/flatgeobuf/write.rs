@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use super::build::{Build, Slot};
-use super::{KINDS, MAGIC, slot, value};
+use super::schema::{self, KINDS, MAGIC};
+use super::value;
 use crate::crs;
 use crate::feature::{Feature, FieldKind, Layer, Member};
 use crate::geometry::{Coordinates, Geometry, Kind};
@@ -252,19 +253,19 @@ impl Head<'_> {
             link(has_crs),
         ]);
         build.set_root(root);
-        build.text(places[slot::HEADER_NAME], self.name);
+        build.text(places[schema::HEADER_NAME], self.name);
         if let Some(extent) = self.extent {
-            build.numbers(places[slot::HEADER_ENVELOPE], &extent);
+            build.numbers(places[schema::HEADER_ENVELOPE], &extent);
         }
-        let links = build.links(places[slot::HEADER_COLUMNS], self.columns.len());
+        let links = build.links(places[schema::HEADER_COLUMNS], self.columns.len());
         for (column, link) in self.columns.iter().zip(links) {
             let code = value::type_of(column.kind.unwrap_or(FieldKind::Text));
             let (table, places) = build.table(&[Slot::Link, Slot::U8(code)]);
             build.link(link, table);
-            build.text(places[slot::COLUMN_NAME], &column.name);
+            build.text(places[schema::COLUMN_NAME], &column.name);
         }
         if has_crs {
-            self.put_crs(&mut build, places[slot::HEADER_CRS]);
+            self.put_crs(&mut build, places[schema::HEADER_CRS]);
         }
         build.finish()
     }
@@ -284,13 +285,13 @@ impl Head<'_> {
         ]);
         build.link(place, table);
         if code.is_some() {
-            build.text(places[slot::CRS_ORG], "EPSG");
+            build.text(places[schema::CRS_ORG], "EPSG");
         }
         if let Some(name) = &self.crs.citation {
-            build.text(places[slot::CRS_NAME], name);
+            build.text(places[schema::CRS_NAME], name);
         }
         if let Some(text) = text {
-            build.text(places[slot::CRS_WKT], &text);
+            build.text(places[schema::CRS_WKT], &text);
         }
     }
 }
@@ -311,10 +312,10 @@ fn feature(row: &Row, kinds: &[FieldKind], form: Form) -> Option<Vec<u8>> {
     if !is_null {
         let kind = if form.kind == Kind::Null { row.geometry.kind() } else { form.kind };
         let form = Form { kind, ..form };
-        put_geometry(&mut build, places[slot::FEATURE_GEOMETRY], &row.geometry, form);
+        put_geometry(&mut build, places[schema::FEATURE_GEOMETRY], &row.geometry, form);
     }
     if !properties.is_empty() {
-        let place = places[slot::FEATURE_PROPERTIES];
+        let place = places[schema::FEATURE_PROPERTIES];
         build.list(place, properties.len(), 1, properties.into_iter());
     }
     build.finish()
@@ -356,7 +357,7 @@ fn parts(build: &mut Build, place: usize, kind: Kind, count: usize) -> Vec<usize
     let slots = [none(), none(), none(), none(), none(), none(), code, Slot::Link];
     let (table, places) = build.table(&slots);
     build.link(place, table);
-    build.links(places[slot::GEOMETRY_PARTS], count)
+    build.links(places[schema::GEOMETRY_PARTS], count)
 }
 
 /// A geometry of some parts of `from`, or of all its positions where it has no parts. In a layer with
@@ -387,16 +388,16 @@ fn put_leaf(
     build.link(place, table);
     if has_ends {
         let bytes = ends.iter().flat_map(|end| ((end - start) as u32).to_le_bytes());
-        build.list(places[slot::GEOMETRY_ENDS], ends.len(), 4, bytes);
+        build.list(places[schema::GEOMETRY_ENDS], ends.len(), 4, bytes);
     }
-    build.numbers(places[slot::GEOMETRY_XY], from.xy[start..end].as_flattened());
+    build.numbers(places[schema::GEOMETRY_XY], from.xy[start..end].as_flattened());
     let mut values = |is_there: bool, slot: usize, values: &[f64]| match values.is_empty() {
         _ if !is_there => {}
         true => build.numbers(places[slot], &vec![f64::NAN; end - start]),
         false => build.numbers(places[slot], &values[start..end]),
     };
-    values(form.has_z, slot::GEOMETRY_Z, &from.z);
-    values(form.has_m, slot::GEOMETRY_M, &from.m);
+    values(form.has_z, schema::GEOMETRY_Z, &from.z);
+    values(form.has_m, schema::GEOMETRY_M, &from.m);
 }
 
 #[cfg(test)]
@@ -463,10 +464,10 @@ mod tests {
             let bytes = std::fs::read(&path).unwrap();
             let header = View::root(&bytes[12..]).unwrap();
             let flag = |slot: usize| header.u8(slot).unwrap() == 1;
-            let type_of = header.u8(slot::HEADER_KIND).unwrap();
+            let type_of = header.u8(schema::HEADER_KIND).unwrap();
             let (kind, has_z, has_m) = *layer;
             assert_eq!((type_of, flag(3), flag(4)), (code_of(kind), has_z, has_m), "{features:?}");
-            assert_eq!(header.text(slot::HEADER_NAME).unwrap(), Some("name of it"));
+            assert_eq!(header.text(schema::HEADER_NAME).unwrap(), Some("name of it"));
             let is_as_it_was = features.iter().zip(*kinds).all(|((was, z, m), is)| {
                 was == is && ((*z, *m) == (has_z, has_m) || *was == Kind::Null)
             });
@@ -510,8 +511,8 @@ mod tests {
         let first = 12 + size(8);
         for at in [first, first + 4 + size(first)] {
             let feature = View::root(&bytes[at + 4..]).unwrap();
-            let geometry = feature.table(slot::FEATURE_GEOMETRY).unwrap().unwrap();
-            assert_eq!(geometry.list(slot::GEOMETRY_Z, 8).unwrap().len(), 4 * 8);
+            let geometry = feature.table(schema::FEATURE_GEOMETRY).unwrap().unwrap();
+            assert_eq!(geometry.list(schema::GEOMETRY_Z, 8).unwrap().len(), 4 * 8);
         }
     }
 }

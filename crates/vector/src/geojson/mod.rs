@@ -7,7 +7,8 @@ mod read;
 mod tests;
 mod write;
 
-use super::{Holds, Kind, Values, VectorFormat};
+use crate::format::{Holds, Values, VectorFormat};
+use crate::geometry::Kind;
 
 pub(super) use feature::{Reader as FeatureReader, check_depth, id, member, short};
 

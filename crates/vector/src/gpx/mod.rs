@@ -5,7 +5,9 @@ mod read;
 mod time;
 mod write;
 
-use super::{Holds, Kind, Values, VectorFormat};
+use self::write::{LINE_TEXTS, POINT_TEXTS};
+use crate::format::{Holds, Values, VectorFormat};
+use crate::geometry::Kind;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
@@ -26,24 +28,3 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
     create: Some(write::create),
     sniff: |head| head.windows(4).any(|some| some == b"<gpx"),
 };
-
-/// Elements of text that a waypoint may have, in the order of the schema.
-const POINT_TEXTS: &[&str] = &[
-    "magvar",
-    "geoidheight",
-    "name",
-    "cmt",
-    "desc",
-    "src",
-    "sym",
-    "type",
-    "fix",
-    "sat",
-    "hdop",
-    "vdop",
-    "pdop",
-    "ageofdgpsdata",
-    "dgpsid",
-];
-/// Those of a route or track.
-const LINE_TEXTS: &[&str] = &["name", "cmt", "desc", "src", "number", "type"];

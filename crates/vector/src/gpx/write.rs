@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{LINE_TEXTS, POINT_TEXTS, time};
+use super::time;
 use crate::crs;
 use crate::feature::{Feature, Layer, Member, Value};
 use crate::geometry::{Coordinates, Kind, Part, Role};
@@ -12,6 +12,27 @@ use crate::sink::{FeatureSink, WriteOptions, Written};
 use crate::table::push_text;
 use terrane_base::error::{Error, Result};
 use terrane_files::{self as files, folder_for};
+
+/// Elements of text that a waypoint may have, in the order of the schema.
+pub(super) const POINT_TEXTS: &[&str] = &[
+    "magvar",
+    "geoidheight",
+    "name",
+    "cmt",
+    "desc",
+    "src",
+    "sym",
+    "type",
+    "fix",
+    "sat",
+    "hdop",
+    "vdop",
+    "pdop",
+    "ageofdgpsdata",
+    "dgpsid",
+];
+/// Those of a route or track.
+pub(super) const LINE_TEXTS: &[&str] = &["name", "cmt", "desc", "src", "number", "type"];
 
 /// Starts a file.
 pub(super) fn create(

@@ -5,7 +5,9 @@ mod read;
 mod shape;
 mod write;
 
-use super::{Holds, Kind, Values, VectorFormat};
+use self::read::{MAGIC, VERSION};
+use crate::format::{Holds, Values, VectorFormat};
+use crate::geometry::Kind;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
@@ -34,12 +36,3 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
     create: Some(write::create),
     sniff: |head| head.starts_with(&MAGIC) && head.get(28..32) == Some(&VERSION),
 };
-
-/// The file code 9994.
-const MAGIC: [u8; 4] = 9994_u32.to_be_bytes();
-/// Version 1000.
-const VERSION: [u8; 4] = 1000_u32.to_le_bytes();
-/// Bytes of the header of a `.shp` and a `.shx`.
-const HEADER_BYTES: u64 = 100;
-/// Measures below this stand for none.
-const NO_MEASURE: f64 = -1e38;

@@ -2,13 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{HEADER_BYTES, MAGIC, shape};
+use super::shape;
 use crate::feature::{Feature, Layer, Properties};
 use crate::pages::Pages;
 use crate::source::{FeatureSource, OpenOptions};
 use crate::tree::Bounds;
 use crate::{crs, dbf};
 use terrane_base::error::{Error, Result};
+
+/// The file code 9994.
+pub(super) const MAGIC: [u8; 4] = 9994_u32.to_be_bytes();
+/// Version 1000.
+pub(super) const VERSION: [u8; 4] = 1000_u32.to_le_bytes();
+/// Bytes of the header of a `.shp` and a `.shx`.
+pub(super) const HEADER_BYTES: u64 = 100;
 
 /// Opens the files of a shapefile.
 pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {

@@ -1,11 +1,13 @@
 //! One record: a shape from its bytes and to its bytes.
 
-use super::NO_MEASURE;
 use crate::geometry::{Coordinates, Geometry, Kind, Part, Role};
 use crate::pages::Bytes;
 use crate::rings;
 use crate::tree::{Bounds, NOTHING};
 use terrane_base::error::{Error, Result};
+
+/// Measures below this stand for none.
+pub(super) const NO_MEASURE: f64 = -1e38;
 
 /// What shapes are, heights and measures aside; the numbers are those of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -200,7 +202,7 @@ pub(super) fn encode(geometry: &Geometry, kind: Type, out: &mut Vec<u8>) -> Resu
         put_values(z, xy.len(), 0.0, with_range, out);
     }
     if kind.has_m {
-        put_values(m, xy.len(), super::NO_MEASURE * 10.0, with_range, out);
+        put_values(m, xy.len(), NO_MEASURE * 10.0, with_range, out);
     }
     Ok(())
 }

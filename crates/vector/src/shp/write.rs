@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::shape::{self, Base, Type, too_large};
-use super::{HEADER_BYTES, MAGIC, NO_MEASURE, VERSION};
+use super::read::{HEADER_BYTES, MAGIC, VERSION};
+use super::shape::{self, Base, NO_MEASURE, Type, too_large};
 use crate::feature::{Feature, Layer, Member};
 use crate::out::Out;
 use crate::sink::{FeatureSink, WriteOptions, Written};

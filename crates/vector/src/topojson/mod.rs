@@ -4,7 +4,8 @@
 mod arcs;
 mod read;
 
-use super::{Holds, Kind, Values, VectorFormat};
+use crate::format::{Holds, Values, VectorFormat};
+use crate::geometry::Kind;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {

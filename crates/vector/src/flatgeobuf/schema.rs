@@ -1,0 +1,42 @@
+//! What the schema of FlatGeobuf numbers: kinds, and the slots of the tables' fields.
+
+use crate::geometry::Kind;
+
+/// The first bytes; the last one is the patch level.
+pub(super) const MAGIC: [u8; 8] = *b"fgb\x03fgb\x00";
+
+/// Numbers of the kinds; 0 stands for any or none.
+pub(super) const KINDS: [(u8, Kind); 7] = [
+    (1, Kind::Point),
+    (2, Kind::LineString),
+    (3, Kind::Polygon),
+    (4, Kind::MultiPoint),
+    (5, Kind::MultiLineString),
+    (6, Kind::MultiPolygon),
+    (7, Kind::Collection),
+];
+
+pub(super) const HEADER_NAME: usize = 0;
+pub(super) const HEADER_ENVELOPE: usize = 1;
+pub(super) const HEADER_KIND: usize = 2;
+pub(super) const HEADER_COLUMNS: usize = 7;
+pub(super) const HEADER_COUNT: usize = 8;
+pub(super) const HEADER_NODE: usize = 9;
+pub(super) const HEADER_CRS: usize = 10;
+pub(super) const COLUMN_NAME: usize = 0;
+pub(super) const COLUMN_TYPE: usize = 1;
+pub(super) const COLUMN_WIDTH: usize = 4;
+pub(super) const COLUMN_SCALE: usize = 6;
+pub(super) const CRS_ORG: usize = 0;
+pub(super) const CRS_CODE: usize = 1;
+pub(super) const CRS_NAME: usize = 2;
+pub(super) const CRS_WKT: usize = 4;
+pub(super) const GEOMETRY_ENDS: usize = 0;
+pub(super) const GEOMETRY_XY: usize = 1;
+pub(super) const GEOMETRY_Z: usize = 2;
+pub(super) const GEOMETRY_M: usize = 3;
+pub(super) const GEOMETRY_KIND: usize = 6;
+pub(super) const GEOMETRY_PARTS: usize = 7;
+pub(super) const FEATURE_GEOMETRY: usize = 0;
+pub(super) const FEATURE_PROPERTIES: usize = 1;
+pub(super) const FEATURE_COLUMNS: usize = 2;
