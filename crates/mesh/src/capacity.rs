@@ -1,15 +1,54 @@
-//! What a format can hold, checked before the work starts where the size is known, and with every
+//! What formats can hold, checked before the work starts where the size is known, and with every
 //! batch.
 
-use crate::{FORMATS, MeshCapacity, MeshFormat};
+use crate::channels::{Carries, Channel};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-impl MeshFormat {
-    /// Fails with [`ErrorKind::CannotWrite`] when a mesh of this size does not fit into the format;
-    /// the error names the limit and the formats that would do.
-    pub fn check_capacity(&self, vertices: u64, triangles: u64) -> Result<()> {
-        check(self.name, &(self.most)(), 0, vertices, triangles)
-    }
+/// What a format can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshCapacity {
+    /// Most vertices.
+    pub vertices: u64,
+    /// Most triangles.
+    pub triangles: u64,
+    /// Most bytes of file, with the bytes taken by each vertex and triangle.
+    pub bytes: u64,
+    /// Bytes of one vertex.
+    pub vertex_bytes: u64,
+    /// Bytes of one triangle.
+    pub triangle_bytes: u64,
+}
+
+/// What each format can hold, in the order of the registry: errors name those that would do.
+const ALL: [(&str, MeshCapacity, Carries); 8] = [
+    ("PLY", PLY, Carries::All),
+    ("OBJ", OBJ, Carries::Nothing),
+    ("STL", STL, Carries::Nothing),
+    ("3MF", THREEMF, Carries::Nothing),
+    ("GLB-meshopt", GLB, Carries::Colours),
+    ("GLB", GLB, Carries::Colours),
+    ("LandXML", LANDXML, Carries::Nothing),
+    ("DXF", DXF, Carries::Nothing),
+];
+
+/// Indices are u32.
+pub(super) const PLY: MeshCapacity = capacity([1 << 32, u64::MAX, u64::MAX], 24, 13);
+/// Text has no limit of its own; the bytes are typical ones.
+pub(super) const OBJ: MeshCapacity = capacity([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
+/// The number of triangles is a u32.
+pub(super) const STL: MeshCapacity = capacity([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
+/// Numbers of vertices are below 2^31.
+pub(super) const THREEMF: MeshCapacity = capacity([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
+/// The file's length is a u32, and so is that of what a compressed one is unpacked to.
+pub(super) const GLB: MeshCapacity = capacity([u32::MAX as u64; 3], 12, 12);
+/// Text has no limit of its own; the bytes are typical ones.
+pub(super) const LANDXML: MeshCapacity = capacity([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
+/// Text has no limit of its own; the bytes are typical ones.
+pub(super) const DXF: MeshCapacity = capacity([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
+
+const fn capacity(most: [u64; 3], vertex_bytes: u64, triangle_bytes: u64) -> MeshCapacity {
+    let [vertices, triangles, bytes] = most;
+    MeshCapacity { vertices, triangles, bytes, vertex_bytes, triangle_bytes }
 }
 
 impl MeshCapacity {
@@ -57,17 +96,42 @@ pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -
     let mesh = format!("{vertices} vertices and {triangles} triangles");
     let message = format!("{name} holds at most {limit}; a mesh of {mesh} or more does not fit");
     let error = Error::new(ErrorKind::CannotWrite, message);
-    let others: Vec<&str> = FORMATS
+    let others: Vec<&str> = ALL
         .iter()
-        .filter(|f| f.name != name && (f.most)().holds(vertices, triangles))
-        .map(|f| f.name)
+        .filter(|(other, most, _)| *other != name && most.holds(vertices, triangles))
+        .map(|(other, ..)| *other)
         .collect();
     if others.is_empty() { error } else { error.remedy(format!("write {}", others.join(" or "))) }
+}
+
+/// Fails when the format called `name` has no room for these channels at vertices.
+pub(super) fn check_channels(name: &str, carries: Carries, channels: &[Channel]) -> Result<()> {
+    if carries.holds(channels) {
+        return Ok(());
+    }
+    let others: Vec<&str> = ALL
+        .iter()
+        .filter(|(_, _, carries)| carries.holds(channels))
+        .map(|(other, ..)| *other)
+        .collect();
+    let what = match carries {
+        Carries::Colours => "colours (three or four bands of 8 bits) at vertices alone",
+        _ => "no channels at vertices",
+    };
+    Err(Error::usage(format!("{name} holds {what}"))
+        .remedy(format!("write {}", others.join(" or "))))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FORMATS;
+
+    #[test]
+    fn the_table_says_what_the_formats_say() {
+        let said: Vec<_> = FORMATS.iter().map(|f| (f.name, (f.most)(), f.carries)).collect();
+        assert_eq!(said, ALL);
+    }
 
     #[test]
     fn names_the_limit_and_what_would_do() {

@@ -1,6 +1,5 @@
 //! Numbers that vertices have beside their positions: colours, or the values of bands.
 
-use crate::{FORMATS, MeshFormat, Promises};
 use terrane_base::error::{Error, Result};
 
 /// How a channel is stored.
@@ -63,43 +62,16 @@ pub fn is_colour<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> bool {
     matches!(names.len(), 3 | 4) && names.zip(COLOURS).all(|(name, colour)| name == colour)
 }
 
-impl MeshFormat {
-    /// Fails when the format has no room for these channels; the error names those that do.
-    pub fn check_channels(&self, channels: &[Channel]) -> Result<()> {
-        if self.holds(channels) {
-            return Ok(());
-        }
-        let others: Vec<&str> =
-            FORMATS.iter().filter(|format| format.holds(channels)).map(|f| f.name).collect();
-        let what = match self.carries {
-            Carries::Colours => "colours (three or four bands of 8 bits) at vertices alone",
-            _ => "no channels at vertices",
-        };
-        Err(Error::usage(format!("{} holds {what}", self.name))
-            .remedy(format!("write {}", others.join(" or "))))
-    }
-
-    fn holds(&self, channels: &[Channel]) -> bool {
-        let names = || channels.iter().map(|channel| channel.name.as_str());
-        match self.carries {
-            Carries::All => true,
-            Carries::Colours => channels.is_empty() || is_colour(names()),
-            Carries::Nothing => channels.is_empty(),
+impl Carries {
+    /// True when there is room for these channels.
+    pub(crate) fn holds(self, channels: &[Channel]) -> bool {
+        let names = channels.iter().map(|channel| channel.name.as_str());
+        match self {
+            Self::All => true,
+            Self::Colours => channels.is_empty() || is_colour(names),
+            Self::Nothing => channels.is_empty(),
         }
     }
-}
-
-/// What a mesh of several bands states, fact by fact: `info` tells the last comment of a file only.
-const STATED: [&str; 4] = ["max error", "bands", "weights", "heights"];
-
-/// The channels of a mesh and what it states of them, as facts.
-pub(crate) fn facts(names: &[String], promises: &Promises) -> Vec<(String, String)> {
-    if names.is_empty() {
-        return Vec::new();
-    }
-    let stated = promises.statements().filter(|(key, _)| STATED.contains(key));
-    let channels = std::iter::once(("channels", names.join(", ")));
-    channels.chain(stated).map(|(key, text)| (key.to_owned(), text)).collect()
 }
 
 /// Fails unless there is a value for each channel of so many vertices, and each can be stored.
@@ -155,6 +127,7 @@ pub(crate) fn from_opacity(share: f32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FORMATS;
     use ChannelKind::{Byte, Double, Single};
 
     #[test]

@@ -3,14 +3,14 @@
 
 use std::path::Path;
 
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::Carries;
+use crate::format::MeshFormat;
 use crate::input::{Input, Lines, check_range};
 use crate::obj_index::{Mark, SparseIndex};
-use crate::sink::{Counts, Encoder, FileSink};
+use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64};
-use crate::{
-    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
-    SinkOptions,
-};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::Out;
@@ -25,7 +25,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most,
+    most: || capacity::DXF,
     create,
     open: |path| Ok(Box::new(DxfSource::open(path)?)),
     sniff,
@@ -37,17 +37,6 @@ const BINARY: &[u8] = b"AutoCAD Binary DXF";
 const GROUPS: [[u32; 3]; 4] = [[10, 20, 30], [11, 21, 31], [12, 22, 32], [13, 23, 33]];
 /// Comments that are kept.
 const MOST_COMMENTS: usize = 64;
-
-/// Text has no limit of its own; the bytes are typical ones.
-fn most() -> MeshCapacity {
-    MeshCapacity {
-        vertices: u64::MAX - 1,
-        triangles: u64::MAX / 3,
-        bytes: u64::MAX,
-        vertex_bytes: 0,
-        triangle_bytes: 170,
-    }
-}
 
 /// Units of all coordinates: metres in one, the number that stands for it, and its name.
 const UNITS: [(f64, u8, &str); 3] =
@@ -106,7 +95,7 @@ impl Encoder for DxfEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        most()
+        capacity::DXF
     }
 
     fn header(&self, _counts: Counts) -> Vec<u8> {

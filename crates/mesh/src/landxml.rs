@@ -3,15 +3,15 @@
 
 use std::path::Path;
 
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::Carries;
+use crate::format::MeshFormat;
 use crate::input::{Input, check_range};
 use crate::obj_index::{Mark, SparseIndex};
-use crate::sink::{Counts, Encoder, FileSink};
+use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64, push_u64};
 use crate::xml::{Part, Xml, escaped};
-use crate::{
-    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
-    SinkOptions,
-};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
 use terrane_base::limits;
@@ -27,22 +27,11 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |crs| unit(crs).map(drop),
-    most,
+    most: || capacity::LANDXML,
     create,
     open: |path| Ok(Box::new(Source::open(path)?)),
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
 };
-
-/// Text has no limit of its own; the bytes are typical ones.
-fn most() -> MeshCapacity {
-    MeshCapacity {
-        vertices: u64::MAX - 1,
-        triangles: u64::MAX,
-        bytes: u64::MAX,
-        vertex_bytes: 52,
-        triangle_bytes: 32,
-    }
-}
 
 /// Lengths that a file can be in: what one is called, metres in it, and the units that go with it.
 const UNITS: [(&str, f64, &str); 3] = [
@@ -126,7 +115,7 @@ impl Encoder for LandXmlEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        most()
+        capacity::LANDXML
     }
 
     fn header(&self, _counts: Counts) -> Vec<u8> {

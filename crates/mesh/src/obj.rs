@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::Carries;
+use crate::format::MeshFormat;
 use crate::input::{Input, Lines, check_range};
 use crate::obj_index::{Mark, SparseIndex};
-use crate::sink::{Counts, Encoder, FileSink};
+use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64, push_u64};
-use crate::{
-    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
-    SinkOptions,
-};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::Out;
@@ -24,22 +24,11 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most,
+    most: || capacity::OBJ,
     create,
     open: |path| Ok(Box::new(ObjSource::open(path)?)),
     sniff,
 };
-
-/// Text has no limit of its own; the bytes are typical ones.
-fn most() -> MeshCapacity {
-    MeshCapacity {
-        vertices: u64::MAX - 1,
-        triangles: u64::MAX,
-        bytes: u64::MAX,
-        vertex_bytes: 32,
-        triangle_bytes: 24,
-    }
-}
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
     let comments = text::comments(header);
@@ -69,7 +58,7 @@ impl Encoder for ObjEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        most()
+        capacity::OBJ
     }
 
     fn header(&self, _counts: Counts) -> Vec<u8> {

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::{Carries, Channel, ChannelKind};
+use crate::format::MeshFormat;
 use crate::input::{Input, check_corners, check_position, check_range};
 use crate::ply_header::{self, PADDING, PlyHeader, Scalar, Span};
-use crate::sink::{Counts, Encoder, FileSink};
+use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::source::{MeshInfo, MeshSource};
 use crate::text::comments;
-use crate::{
-    Carries, Channel, ChannelKind, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo,
-    MeshSink, MeshSource, SinkOptions,
-};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_files::Out;
@@ -24,7 +24,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most,
+    most: || capacity::PLY,
     create,
     open: |path| Ok(Box::new(PlySource::open(path)?)),
     sniff: |head| head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n"),
@@ -32,17 +32,6 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 
 const VERTEX_BYTES: usize = 24;
 const FACE_BYTES: usize = 13;
-
-/// Indices are u32.
-fn most() -> MeshCapacity {
-    MeshCapacity {
-        vertices: 1 << 32,
-        triangles: u64::MAX,
-        bytes: u64::MAX,
-        vertex_bytes: VERTEX_BYTES as u64,
-        triangle_bytes: FACE_BYTES as u64,
-    }
-}
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
     let channels = header.channels.clone();
@@ -83,7 +72,7 @@ impl Encoder for PlyEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        most()
+        capacity::PLY
     }
 
     fn channels(&self) -> &[Channel] {

@@ -3,8 +3,6 @@
 use std::fmt::Display;
 use std::str::FromStr;
 
-use crate::MeshInfo;
-use crate::text::is_mark;
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 
@@ -23,7 +21,7 @@ macro_rules! promises {
 
         impl Promises {
             /// What lines begin with.
-            const KEYS: &[&str] = &[$($key),+];
+            pub(super) const KEYS: &[&str] = &[$($key),+];
 
             /// Key and value of what is stated.
             pub fn statements(&self) -> impl Iterator<Item = (&'static str, String)> {
@@ -105,22 +103,17 @@ impl Promises {
     }
 }
 
-impl MeshInfo {
-    /// What the file states: its comments, its reference system, and details under the name of a key.
-    ///
-    /// # Errors
-    /// Those of [`Promises::parse`].
-    pub fn promises(&self) -> Result<Promises> {
-        let details = self.details.iter().filter_map(|(name, value)| match name.as_str() {
-            "comment" => Some(value.clone()),
-            name => Promises::KEYS.contains(&name).then(|| line(name, value)),
-        });
-        Promises::parse(self.crs.iter().map(|crs| line("crs", crs)).chain(details))
-    }
+/// The line of a statement.
+pub(super) fn line(key: &str, text: &str) -> String {
+    format!("{key} {text}").trim_end().to_owned()
 }
 
-fn line(key: &str, text: &str) -> String {
-    format!("{key} {text}").trim_end().to_owned()
+/// True for the name and version of this program, and for what its STL files begin with.
+pub(super) fn is_mark(text: &str) -> bool {
+    let rest = text.strip_prefix("terrane ");
+    rest.is_some_and(|rest| {
+        rest.starts_with("origin ") || rest.starts_with(|c: char| c.is_ascii_digit())
+    })
 }
 
 /// What comes after a key in a line of its own.
@@ -261,6 +254,7 @@ impl Statement for HeightBand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MeshInfo;
     use proptest::prelude::*;
 
     /// Every promise, and its line.

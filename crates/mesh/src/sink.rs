@@ -1,14 +1,82 @@
-//! The sink behind every format: counts, checks, spools, and completes a file; an [`Encoder`] knows
-//! the bytes.
+//! What a mesh is written to, and the sink behind every format: it counts, checks, spools, and completes a file;
+//! an [`Encoder`] knows the bytes.
 
 use std::fs::File;
 use std::path::Path;
 
-use crate::channels::check_values;
-use crate::{Channel, MeshBatch, MeshCapacity, MeshSink, SinkOptions, capacity};
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::{Channel, check_values};
+use crate::promises::Promises;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Crs, Point3};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::{Out, folder_for};
+
+/// What a sink is told before the first batch.
+#[derive(Clone, Debug)]
+pub struct MeshHeader {
+    /// Coordinate reference system of the source.
+    pub crs: Crs,
+    /// Origin for formats that cannot hold f64 coordinates: they store `position - origin` in f32
+    /// and record the origin. Heights that are f32 stay exact when z of the origin is 0; otherwise
+    /// it is near the heights, so that they lose little.
+    pub origin: Point3,
+    /// Stored units in one unit of x, y and z, for these formats: they store
+    /// `(position - origin) * scale`, and record the scale where it is not 1.
+    pub scale: Point3,
+    /// The stored unit, "metre" or "millimetre", where it is not that of the coordinates.
+    pub unit: Option<String>,
+    /// World bounding box of everything that can come: (min, max), x and y from the grid;
+    /// z may be NaN when unknown.
+    pub bounds: [Point3; 2],
+    /// What the file's comments state.
+    pub promises: Promises,
+    /// What vertices have beside their positions.
+    pub channels: Vec<Channel>,
+}
+
+/// A run of a mesh. Vertex ids count from 0 in the order vertices are pushed; a triangle may refer
+/// to vertices of this or earlier batches only. Triangles are counter-clockwise seen from above in
+/// world coordinates.
+#[derive(Clone, Copy, Debug)]
+pub struct MeshBatch<'a> {
+    /// New vertices.
+    pub vertices: &'a [Point3],
+    /// The values of the header's channels, vertex by vertex.
+    pub values: &'a [f64],
+    /// Triangles, as vertex ids.
+    pub triangles: &'a [[u64; 3]],
+    /// World positions of the triangles' corners, aligned with `triangles`; empty unless
+    /// [`MeshSink::wants_corners`].
+    pub corners: &'a [[Point3; 3]],
+}
+
+/// Receives a mesh batch by batch, never holding it in memory, and writes it whole or not at all:
+/// the file appears under its final name in [`finish`](MeshSink::finish); dropping the sink
+/// before that leaves nothing.
+pub trait MeshSink: Send {
+    /// True for formats that store triangles by position (STL, DXF), and for solids.
+    fn wants_corners(&self) -> bool {
+        false
+    }
+
+    /// Appends a batch.
+    fn push(&mut self, batch: MeshBatch<'_>) -> Result<()>;
+
+    /// Completes the file, puts it at its final name, and returns its size in bytes.
+    fn finish(self: Box<Self>) -> Result<u64>;
+}
+
+/// Options of a sink, from the command line (`--co KEY=VAL`) and the job.
+#[derive(Clone, Debug, Default)]
+pub struct SinkOptions {
+    /// Replace an existing file.
+    pub overwrite: bool,
+    /// For formats that [can be solids](crate::MeshFormat::can_be_solid): close the surface with walls and a flat bottom at this height.
+    pub solid_base: Option<f64>,
+    /// Directory for spools; the output's own directory when `None`.
+    pub temp_dir: Option<std::path::PathBuf>,
+}
 
 /// Vertices and triangles pushed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

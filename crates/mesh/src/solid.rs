@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::MeshHeader;
+use crate::sink::MeshHeader;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::Out;
 

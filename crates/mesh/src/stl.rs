@@ -4,14 +4,16 @@
 
 use std::path::Path;
 
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::Carries;
+use crate::format::MeshFormat;
 use crate::input::{Input, check_position, check_range};
 use crate::local::{Local, is_scale, to_world};
-use crate::sink::{Counts, Encoder, FileSink};
+use crate::promises::Promises;
+use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use crate::solid::{Base, Edge, Outline, lowered};
-use crate::{
-    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
-    Promises, SinkOptions, capacity, text,
-};
+use crate::source::{MeshInfo, MeshSource};
+use crate::text;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_files::{Out, folder_for};
@@ -26,7 +28,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: false,
     admits: |_| Ok(()),
-    most,
+    most: || capacity::STL,
     create,
     open: |path| Ok(Box::new(StlSource::open(path)?)),
     sniff: |head| head.starts_with(ORIGIN.as_bytes()) || is_ascii(head),
@@ -49,16 +51,6 @@ const PLACE_WORDS: usize = 5;
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
 const TRIANGLE_BYTES: usize = 50;
-
-fn most() -> MeshCapacity {
-    MeshCapacity {
-        vertices: u64::MAX,
-        triangles: u32::MAX.into(),
-        bytes: u64::MAX,
-        vertex_bytes: 0,
-        triangle_bytes: TRIANGLE_BYTES as u64,
-    }
-}
 
 type Corners = [[f32; 3]; 3];
 
@@ -123,7 +115,7 @@ impl Encoder for StlEncoder {
 
     /// A solid has each triangle twice.
     fn most(&self) -> MeshCapacity {
-        let surface = most();
+        let surface = capacity::STL;
         let copies = if self.solid.is_some() { 2 } else { 1 };
         MeshCapacity { triangles: surface.triangles / copies, ..surface }
     }

@@ -1,7 +1,7 @@
 //! Numbers and comments as text.
 
-use crate::channels::facts;
-use crate::{FORMATS, MeshHeader, MeshInfo, Promises};
+use crate::promises::Promises;
+use crate::sink::MeshHeader;
 
 /// Appends the shortest text that reads back as exactly `value` (finite): "12", "0.1", "1e300".
 pub(super) fn push_f64(value: f64, text: &mut Vec<u8>) {
@@ -52,58 +52,6 @@ pub(super) fn signed(promises: &Promises) -> Vec<String> {
 /// Name and version of this program.
 pub(super) fn generator() -> String {
     concat!("terrane ", env!("CARGO_PKG_VERSION")).to_owned()
-}
-
-impl MeshInfo {
-    /// Shared vertices in double precision, as they are stored, and nothing else known.
-    pub fn plain(format: &'static str, vertices: u64, triangles: u64) -> Self {
-        Self {
-            vertices,
-            triangles,
-            format,
-            origin: [0.0; 3],
-            scale: [1.0; 3],
-            single_precision: false,
-            indexed: true,
-            solid: false,
-            crs: None,
-            systems: Vec::new(),
-            channels: Vec::new(),
-            details: Vec::new(),
-        }
-    }
-
-    /// With comments among the details, and with what they state of the CRS and of channels, unless they contradict
-    /// each other.
-    pub(super) fn with_comments(mut self, comments: impl IntoIterator<Item = String>) -> Self {
-        self.details.extend(comments.into_iter().map(|text| ("comment".to_owned(), text)));
-        let promises = self.promises().unwrap_or_default();
-        self.details.extend(facts(&self.channels, &promises));
-        self.crs = self.crs.or(promises.crs);
-        self
-    }
-
-    /// True when the file bears this program's mark: its name and version, or in STL the recorded
-    /// origin.
-    pub fn is_own(&self) -> bool {
-        let keys = ["comment", "generator", "title"];
-        self.details.iter().any(|(key, text)| keys.contains(&key.as_str()) && is_mark(text))
-    }
-}
-
-impl MeshInfo {
-    /// True where the format has room for the name of a reference system, and for all else that is stated.
-    pub fn names_crs(&self) -> bool {
-        FORMATS.iter().all(|format| format.name != self.format || format.names_crs)
-    }
-}
-
-/// True for the name and version of this program, and for what its STL files begin with.
-pub(super) fn is_mark(text: &str) -> bool {
-    let rest = text.strip_prefix("terrane ");
-    rest.is_some_and(|rest| {
-        rest.starts_with("origin ") || rest.starts_with(|c: char| c.is_ascii_digit())
-    })
 }
 
 /// A line as comments hold it: printable ASCII, with a question mark for all else.

@@ -4,15 +4,16 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::packed::{self, Packed};
-use super::{
-    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, PACKED, POINTS, TRIANGLES, UNSIGNED_INT, VERSION,
-    meshopt, to_z_up,
+use super::layout::{
+    BIN_CHUNK, FLOAT, JSON_CHUNK, MAGIC, NAME, PACKED_NAME, POINTS, TRIANGLES, UNSIGNED_INT,
+    VERSION, to_z_up,
 };
+use super::meshopt;
+use super::packed::{self, Packed};
 use crate::channels::{COLOURS, from_linear, from_opacity, linear};
 use crate::input::{Input, check_corners, check_position, check_range};
 use crate::local::{is_scale, to_world};
-use crate::{MeshInfo, MeshSource};
+use crate::source::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
@@ -178,11 +179,11 @@ impl GlbSource {
         let plain = MeshInfo {
             channels,
             indexed: indices.is_some() || is_points,
-            ..MeshInfo::plain(FORMAT.name, vertices, triangles)
+            ..MeshInfo::plain(NAME, vertices, triangles)
         };
         let mut info = info(&document.asset, plain);
         if document.buffer_views.iter().any(|view| view.extensions.packed.is_some()) {
-            info.format = PACKED.name;
+            info.format = PACKED_NAME;
         }
         Ok(Self { input, positions, bounds, indices, colours, parts, light: linear(), info })
     }

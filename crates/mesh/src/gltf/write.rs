@@ -4,15 +4,17 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::packer::{Packer, Sizes};
-use super::{
-    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, PACKED, POINTS, Packing, TRIANGLES, UNSIGNED_INT,
-    VERSION, meshopt, to_y_up,
+use super::layout::{
+    BIN_CHUNK, FLOAT, JSON_CHUNK, MAGIC, NAME, PACKED_NAME, POINTS, Packing, TRIANGLES,
+    UNSIGNED_INT, VERSION, to_y_up,
 };
-use crate::channels::{linear, opacity};
+use super::meshopt;
+use super::packer::{Packer, Sizes};
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::{Carries, Channel, linear, opacity};
 use crate::local::Local;
-use crate::sink::{Counts, Encoder, FileSink};
-use crate::{Channel, MeshBatch, MeshCapacity, MeshHeader, MeshSink, SinkOptions, capacity, text};
+use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::text;
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::{Out, folder_for};
@@ -25,17 +27,6 @@ const TRIANGLE_BYTES: usize = 12;
 /// The file's header and the headers of both chunks.
 const FRAME_BYTES: u64 = 12 + 8 + 8;
 
-/// The file's length is a u32, and so is that of what a compressed one is unpacked to.
-pub(super) fn most() -> MeshCapacity {
-    MeshCapacity {
-        vertices: u32::MAX.into(),
-        triangles: u32::MAX.into(),
-        bytes: u32::MAX.into(),
-        vertex_bytes: VERTEX_BYTES as u64,
-        triangle_bytes: TRIANGLE_BYTES as u64,
-    }
-}
-
 pub(super) fn create(
     path: &Path,
     header: &MeshHeader,
@@ -45,7 +36,7 @@ pub(super) fn create(
     let local = Local::new(header.origin, header.scale)?;
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     let comments = header.promises.to_lines();
-    FORMAT.check_channels(&header.channels)?;
+    capacity::check_channels(NAME, Carries::Colours, &header.channels)?;
     let (channels, light) = (header.channels.clone(), linear());
     let spool = folder_for(path, options.temp_dir.as_deref());
     let packer = match packing {
@@ -186,11 +177,11 @@ fn add_mesh(document: &mut Value, counts: Counts, [low, high]: [[f32; 3]; 2], ch
 
 impl Encoder for GlbEncoder {
     fn name(&self) -> &'static str {
-        if self.packer.is_some() { PACKED.name } else { FORMAT.name }
+        if self.packer.is_some() { PACKED_NAME } else { NAME }
     }
 
     fn most(&self) -> MeshCapacity {
-        MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..most() }
+        MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..capacity::GLB }
     }
 
     fn channels(&self) -> &[Channel] {
@@ -242,7 +233,7 @@ impl Encoder for GlbEncoder {
         let bytes = FRAME_BYTES + packer.sizes().bytes() + self.json_bytes() as u64;
         if bytes > u32::MAX.into() {
             let limit = format!("{} bytes", u32::MAX);
-            return Err(capacity::too_much(PACKED.name, &limit, 0, 0));
+            return Err(capacity::too_much(PACKED_NAME, &limit, 0, 0));
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::MeshHeader;
+use crate::sink::MeshHeader;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::atomic::AtomicFile;

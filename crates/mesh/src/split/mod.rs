@@ -16,7 +16,10 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::{MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, prj_path, write_prj};
+use crate::format::MeshFormat;
+use crate::registry::open_file;
+use crate::sidecar::{prj_path, write_prj};
+use crate::sink::{MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use index::{Block, Index};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Point3};
@@ -168,7 +171,7 @@ impl Split {
         let bytes = piece.sink.finish()?;
         if self.options.solid_base.is_some() {
             // With walls and a bottom.
-            triangles = crate::open_file(&path)?.info().triangles;
+            triangles = open_file(&path)?.info().triangles;
         }
         write_prj(&path, &self.header.crs, false)?;
         self.bytes += bytes;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use super::index::{Block, Index};
-use crate::{MeshInfo, MeshSource};
+use crate::registry::open_file;
+use crate::source::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_files::lock;
@@ -41,7 +42,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     for block in &index.blocks {
         let path = path.join(&block.file);
         // Not another folder: one that is in itself would never end.
-        let found = crate::open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
+        let found = open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
         let found = found.info().clone();
         check(&found, block, &index, &path)?;
         if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &found)) {
@@ -137,7 +138,7 @@ impl SplitSource {
 
 impl Part {
     fn open(&self) -> Result<OpenPart> {
-        let mesh = crate::open_file(&self.path)?;
+        let mesh = open_file(&self.path)?;
         let info = mesh.info();
         if info.triangles != self.triangles {
             return Err(changed(&self.path));

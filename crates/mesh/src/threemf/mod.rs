@@ -2,6 +2,7 @@
 //! millimetres of the print. Optionally the surface is closed with walls and a bottom; every edge of such a
 //! solid has two triangles.
 
+mod parts;
 mod read;
 mod walls;
 
@@ -12,21 +13,22 @@ use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
+use self::parts::{CONTENT_TYPES, MODEL, NAME, PREFIX, RELATIONS, push_triangle, push_vertex};
+use self::walls::Walls;
+use crate::capacity::{self, MeshCapacity};
+use crate::channels::Carries;
+use crate::format::MeshFormat;
 use crate::local::Local;
-use crate::sink::{Counts, Encoder, FileSink};
+use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use crate::solid::{Base, lowered};
-use crate::text::{self, push_u64};
+use crate::text;
 use crate::xml::escaped;
-use crate::{
-    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshSink, SinkOptions, capacity,
-};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_files::{Out, folder_for};
-use walls::Walls;
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
-    name: "3MF",
+    name: NAME,
     extensions: &["3mf"],
     about: "3D Manufacturing Format, f32 relative to a recorded origin; optionally closed to a solid",
     single_precision: true,
@@ -35,32 +37,17 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: true,
     names_crs: true,
     admits: |_| Ok(()),
-    most,
+    most: || capacity::THREEMF,
     create,
     open: |path| Ok(Box::new(read::open(path)?)),
     sniff: |head| head.starts_with(b"PK\x03\x04") && holds(head, CONTENT_TYPES.as_bytes()),
 };
 
-const CONTENT_TYPES: &str = "[Content_Types].xml";
-const RELATIONS: &str = "_rels/.rels";
-const MODEL: &str = "3D/3dmodel.model";
 const CORE: &str = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02";
-/// The namespace of what is recorded beside the model, and what the names begin with.
+/// The namespace of what is recorded beside the model.
 const OWN: &str = "urn:terrane:mesh";
-const PREFIX: &str = "terrane:";
 /// From here on a file in an archive needs numbers of 64 bits.
 const LARGE_BYTES: u64 = 1 << 31;
-
-/// Numbers of vertices are below 2^31.
-fn most() -> MeshCapacity {
-    MeshCapacity {
-        vertices: i32::MAX as u64,
-        triangles: u64::MAX,
-        bytes: u64::MAX,
-        vertex_bytes: 16,
-        triangle_bytes: 10,
-    }
-}
 
 fn holds(head: &[u8], words: &[u8]) -> bool {
     head.windows(words.len()).any(|some| some == words)
@@ -123,36 +110,14 @@ struct Encoder3mf {
     walls: Option<Walls>,
 }
 
-/// A vertex as an element.
-fn push_vertex(position: [f32; 3], to: &mut Vec<u8>) {
-    to.extend_from_slice(b"<vertex");
-    for (name, value) in [" x=\"", " y=\"", " z=\""].iter().zip(position) {
-        to.extend_from_slice(name.as_bytes());
-        text::push_f32(value, to);
-        to.push(b'"');
-    }
-    to.extend_from_slice(b"/>\n");
-}
-
-/// A triangle as an element.
-fn push_triangle(ids: [u64; 3], to: &mut Vec<u8>) {
-    to.extend_from_slice(b"<triangle");
-    for (name, id) in [" v1=\"", " v2=\"", " v3=\""].iter().zip(ids) {
-        to.extend_from_slice(name.as_bytes());
-        push_u64(id, to);
-        to.push(b'"');
-    }
-    to.extend_from_slice(b"/>\n");
-}
-
 impl Encoder for Encoder3mf {
     fn name(&self) -> &'static str {
-        FORMAT.name
+        NAME
     }
 
     /// A solid has each vertex twice.
     fn most(&self) -> MeshCapacity {
-        let surface = most();
+        let surface = capacity::THREEMF;
         let copies = if self.walls.is_some() { 2 } else { 1 };
         MeshCapacity { vertices: surface.vertices / copies, ..surface }
     }
@@ -190,9 +155,9 @@ impl Encoder for Encoder3mf {
     fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
         if let Some(walls) = self.walls.take() {
             let vertices = walls.complete(body, tail)?;
-            if vertices > most().vertices {
-                let limit = format!("{} vertices", most().vertices);
-                return Err(capacity::too_much(FORMAT.name, &limit, vertices, 0));
+            if vertices > capacity::THREEMF.vertices {
+                let limit = format!("{} vertices", capacity::THREEMF.vertices);
+                return Err(capacity::too_much(NAME, &limit, vertices, 0));
             }
         }
         body.write(BETWEEN)?;

@@ -7,12 +7,12 @@ use std::path::Path;
 
 use zip::ZipArchive;
 
-use super::{FORMAT, MODEL, PREFIX, RELATIONS};
+use super::parts::{MODEL, NAME, PREFIX, RELATIONS};
 use crate::input::{Input, check_corners, check_range};
 use crate::local::{is_scale, to_world};
 use crate::obj_index::{Mark, SparseIndex};
+use crate::source::{MeshInfo, MeshSource};
 use crate::xml::{Part, Tag, Xml};
-use crate::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
@@ -183,7 +183,7 @@ impl Found {
             single_precision: true,
             solid: self.origin.is_some() && self.is_solid,
             details: application.into_iter().chain(unit).collect(),
-            ..MeshInfo::plain(FORMAT.name, vertices, triangles)
+            ..MeshInfo::plain(NAME, vertices, triangles)
         };
         info.with_comments(self.comments)
     }

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::{push_triangle, push_vertex};
+use super::parts::{push_triangle, push_vertex};
 use crate::solid::{Base, Edge, Outline};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;

@@ -21,7 +21,7 @@ const fn block_elements(stride: usize) -> usize {
 }
 
 /// Writes one stream of elements.
-pub(in crate::gltf) struct Writer {
+pub(crate) struct Writer {
     stride: usize,
     /// The first of all; empty until it is known.
     first: Vec<u8>,
@@ -33,12 +33,12 @@ pub(in crate::gltf) struct Writer {
 
 impl Writer {
     /// For elements of `stride` bytes: a multiple of 4, at most 256.
-    pub(in crate::gltf) fn new(stride: usize) -> Self {
+    pub(crate) fn new(stride: usize) -> Self {
         Self { stride, first: Vec::new(), last: Vec::new(), waiting: Vec::new() }
     }
 
     /// Adds elements; what is complete goes to `out`.
-    pub(in crate::gltf) fn push(&mut self, elements: &[u8], out: &mut Vec<u8>) {
+    pub(crate) fn push(&mut self, elements: &[u8], out: &mut Vec<u8>) {
         if self.first.is_empty() && !elements.is_empty() {
             self.first = elements[..self.stride].to_vec();
             self.last.clone_from(&self.first);
@@ -54,7 +54,7 @@ impl Writer {
     }
 
     /// Writes what is left. Of no elements there is no stream.
-    pub(in crate::gltf) fn complete(&mut self, out: &mut Vec<u8>) {
+    pub(crate) fn complete(&mut self, out: &mut Vec<u8>) {
         if self.first.is_empty() {
             return;
         }
@@ -136,7 +136,7 @@ fn write_group(codes: &[u8], bits: usize, out: &mut Vec<u8>) {
 }
 
 /// Reads a stream of elements.
-pub(in crate::gltf) struct Reader {
+pub(crate) struct Reader {
     /// Where the stream begins in the file, and its last element.
     start: u64,
     end: u64,
@@ -147,7 +147,7 @@ pub(in crate::gltf) struct Reader {
 
 /// A place between two blocks.
 #[derive(Clone)]
-pub(in crate::gltf) struct Place {
+pub(crate) struct Place {
     element: u64,
     offset: u64,
     /// The element before.
@@ -156,7 +156,7 @@ pub(in crate::gltf) struct Place {
 
 impl Reader {
     /// The stream of `count` elements of `stride` bytes at `start`, of `bytes`.
-    pub(in crate::gltf) fn new(
+    pub(crate) fn new(
         window: &mut Window<'_>,
         (start, bytes): (u64, u64),
         (stride, count): (usize, u64),

@@ -15,7 +15,7 @@ const MOST_ENDS: usize = 16;
 const WINDOW_BYTES: u64 = 64 << 10;
 
 /// A kind of stream that is decoded in steps of so many elements, of which the last may have fewer.
-pub(in crate::gltf) trait Codec {
+pub(crate) trait Codec {
     /// All that is known between two steps.
     type Place: Clone;
 
@@ -44,7 +44,7 @@ pub(in crate::gltf) trait Codec {
 }
 
 /// A stream and what is remembered of it.
-pub(in crate::gltf) struct Stream<C: Codec> {
+pub(crate) struct Stream<C: Codec> {
     codec: C,
     known: Mutex<Known<C::Place>>,
     /// Steps from one remembered place to the next.
@@ -57,7 +57,7 @@ struct Known<P> {
 }
 
 impl<C: Codec> Stream<C> {
-    pub(in crate::gltf) fn new(codec: C) -> Self {
+    pub(crate) fn new(codec: C) -> Self {
         Self::with_marks(codec, MOST_MARKS)
     }
 
@@ -68,7 +68,7 @@ impl<C: Codec> Stream<C> {
     }
 
     /// Hands `each` the bytes of elements `first .. first + count`, which there are, by number from 0.
-    pub(in crate::gltf) fn read(
+    pub(crate) fn read(
         &self,
         input: &Input,
         first: u64,
@@ -130,7 +130,7 @@ impl<C: Codec> Stream<C> {
 }
 
 /// A part of a file, held while it is read from front to back, or from two places in turn.
-pub(in crate::gltf) struct Window<'a> {
+pub(crate) struct Window<'a> {
     input: &'a Input,
     parts: [(u64, Vec<u8>); 2],
     /// The part used last.
@@ -138,12 +138,12 @@ pub(in crate::gltf) struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    pub(in crate::gltf) fn new(input: &'a Input) -> Self {
+    pub(crate) fn new(input: &'a Input) -> Self {
         Self { input, parts: [(0, Vec::new()), (0, Vec::new())], latest: 0 }
     }
 
     /// So many bytes from `offset` on, fewer than a window has, and inside the file.
-    pub(in crate::gltf) fn bytes(&mut self, offset: u64, count: usize) -> Result<&[u8]> {
+    pub(crate) fn bytes(&mut self, offset: u64, count: usize) -> Result<&[u8]> {
         let holds = |(start, bytes): &(u64, Vec<u8>)| {
             offset >= *start && offset + count as u64 <= start + bytes.len() as u64
         };

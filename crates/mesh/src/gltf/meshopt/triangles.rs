@@ -71,27 +71,22 @@ impl State {
 }
 
 /// Writes one stream of triangles: codes and data apart, as the codes of all come first.
-pub(in crate::gltf) struct Writer {
+pub(crate) struct Writer {
     state: State,
 }
 
 impl Writer {
-    pub(in crate::gltf) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { state: State::new() }
     }
 
     /// What the codes begin with.
-    pub(in crate::gltf) const HEAD: [u8; 1] = [HEADER];
+    pub(crate) const HEAD: [u8; 1] = [HEADER];
     /// What follows behind the data.
-    pub(in crate::gltf) const TAIL: [u8; 16] = PAIRS;
+    pub(crate) const TAIL: [u8; 16] = PAIRS;
 
     /// Appends the code of a triangle, and its data.
-    pub(in crate::gltf) fn push(
-        &mut self,
-        corners: [u32; 3],
-        codes: &mut Vec<u8>,
-        data: &mut Vec<u8>,
-    ) {
+    pub(crate) fn push(&mut self, corners: [u32; 3], codes: &mut Vec<u8>, data: &mut Vec<u8>) {
         match self.shared(corners) {
             Some((age, corners)) => codes.push((age as u8) << 4 | self.third(corners, data)),
             None => codes.push(self.alone(self.begun_at_next(corners), data)),
@@ -199,7 +194,7 @@ impl State {
 }
 
 /// Reads a stream of triangles, as elements of three u32.
-pub(in crate::gltf) struct Reader {
+pub(crate) struct Reader {
     /// The first code.
     codes: u64,
     /// Behind the data.
@@ -210,7 +205,7 @@ pub(in crate::gltf) struct Reader {
 
 /// A place between two triangles.
 #[derive(Clone)]
-pub(in crate::gltf) struct Place {
+pub(crate) struct Place {
     triangle: u64,
     /// Where its data are.
     data: u64,
@@ -219,7 +214,7 @@ pub(in crate::gltf) struct Place {
 
 impl Reader {
     /// The stream of `triangles` at `start`, of `bytes`.
-    pub(in crate::gltf) fn new(
+    pub(crate) fn new(
         window: &mut Window<'_>,
         (start, bytes): (u64, u64),
         triangles: u64,

@@ -1,0 +1,59 @@
+//! The registry: every format of meshes, and how the format of a file is found.
+
+use std::path::Path;
+
+use crate::format::MeshFormat;
+use crate::source::{MeshInfo, MeshSource};
+use crate::{dxf, gltf, input, landxml, obj, ply, stl, threemf};
+use terrane_base::error::{Error, Result};
+use terrane_base::registry::offered;
+use terrane_files::format;
+
+/// Every mesh format. A new one is a file in this folder, a line here, and one of what it can hold in
+/// `capacity.rs`. Of two whose endings fit, the first is meant.
+pub const FORMATS: &[MeshFormat] = &[
+    ply::FORMAT,
+    obj::FORMAT,
+    stl::FORMAT,
+    threemf::FORMAT,
+    gltf::PACKED,
+    gltf::FORMAT,
+    landxml::FORMAT,
+    dxf::FORMAT,
+];
+
+/// The format called `name`, or else the one that `path`'s extension stands for (letter case does
+/// not matter). Unknown names and extensions are usage errors that list the known ones.
+pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static MeshFormat> {
+    format::by_path(FORMATS, path, name)
+}
+
+/// The format of an existing file: by its first bytes, or else by its extension. `None` when it
+/// is no mesh.
+pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
+    let head = input::Input::open(path)?.head(SNIFF_BYTES)?;
+    Ok(FORMATS
+        .iter()
+        .find(|format| (format.sniff)(&head))
+        .or_else(|| format::by_extension(FORMATS, path)))
+}
+
+/// Opens a mesh file of any known format.
+pub(super) fn open_file(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let format = identify(path)?.ok_or_else(|| {
+        Error::bad_input("not a mesh of a known format")
+            .in_file(path)
+            .remedy(format!("known formats are {}", offered(FORMATS, |f| f.name.to_owned())))
+    })?;
+    (format.open)(path)
+}
+
+/// Bytes of a file that [`MeshFormat::sniff`] gets to see.
+const SNIFF_BYTES: usize = 512;
+
+impl MeshInfo {
+    /// True where the format has room for the name of a reference system, and for all else that is stated.
+    pub fn names_crs(&self) -> bool {
+        FORMATS.iter().all(|format| format.name != self.format || format.names_crs)
+    }
+}
