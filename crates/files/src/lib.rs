@@ -15,6 +15,7 @@ mod out;
 mod position;
 mod raw;
 mod spool;
+pub mod xml;
 
 pub use beside::{beside_grid, companions, prj};
 pub use held::{Held, Register, is_held, is_made, refuse_held};

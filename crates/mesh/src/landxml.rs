@@ -11,11 +11,12 @@ use crate::obj_index::{Mark, SparseIndex};
 use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64, push_u64};
-use crate::xml::{Part, Xml, escaped};
+use crate::xml::{Xml, number};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
 use terrane_base::limits;
 use terrane_files::Out;
+use terrane_files::xml::{Part, Tag, escaped};
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "LandXML",
@@ -239,11 +240,11 @@ impl Source {
             let place = |e: Error| e.in_file(path).at(format!("byte {at}"));
             match xml.next()? {
                 Part::Over => break,
-                Part::Start(tag) if tag.is("P") && found.surfaces > 0 => {
-                    numbers.push(tag.number("id").map_err(place)?).map_err(place)?;
+                Part::Start(tag) if tag.local_name() == "P" && found.surfaces > 0 => {
+                    numbers.push(number(&tag, "id").map_err(place)?).map_err(place)?;
                     points.note(mark);
                 }
-                Part::Start(tag) if tag.is("F") && found.surfaces > 0 => {
+                Part::Start(tag) if tag.local_name() == "F" && found.surfaces > 0 => {
                     // Faces of others may be there and not be seen.
                     if tag.attribute("i").map_err(place)?.is_none_or(|hidden| hidden != "1") {
                         faces.note(mark);
@@ -266,22 +267,22 @@ impl Source {
 }
 
 impl Found {
-    fn note(&mut self, tag: &crate::xml::Tag<'_>) -> Result<()> {
-        if tag.is("LandXML") {
+    fn note(&mut self, tag: &Tag) -> Result<()> {
+        if tag.local_name() == "LandXML" {
             self.is_landxml = true;
-        } else if tag.is("Definition") {
+        } else if tag.local_name() == "Definition" {
             self.surfaces += 1;
             let kind = tag.attribute("surfType")?.unwrap_or_default();
             if kind != "TIN" {
                 return Err(Error::unsupported(format!("has a surface of the type {kind:?}")));
             }
-        } else if tag.is("Metric") || tag.is("Imperial") {
+        } else if tag.local_name() == "Metric" || tag.local_name() == "Imperial" {
             self.unit = tag.attribute("linearUnit")?;
-        } else if tag.is("CoordinateSystem") {
+        } else if tag.local_name() == "CoordinateSystem" {
             let code = tag.attribute("epsgCode")?.map(|code| format!("EPSG:{code}"));
             self.crs = tag.attribute("desc")?.or(code.clone()).or(tag.attribute("name")?);
             self.systems.extend(code.into_iter().chain(tag.attribute("ogcWktCode")?));
-        } else if tag.is("Property")
+        } else if tag.local_name() == "Property"
             && self.comments.len() < MOST_COMMENTS
             && tag.attribute("label")?.as_deref() == Some("comment")
         {
@@ -314,7 +315,7 @@ impl Source {
                 Part::Over => {
                     return Err(self.input.bad("has become shorter since it was opened"));
                 }
-                Part::Start(tag) if tag.is(name) => {
+                Part::Start(tag) if tag.local_name() == name => {
                     if tag.attribute("i")?.is_some_and(|hidden| hidden == "1") {
                         continue;
                     }

@@ -1,6 +1,7 @@
 //! Grids in gzip files and zip archives: unpacked, with the small files beside them, into a
 //! temporary folder that is gone once the grid is open.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -171,7 +172,8 @@ fn copy_file(from: &Path, to: &Path) -> Result<()> {
 fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let mut archive = ZipArchive::new(BufReader::new(file.reader())).map_err(damaged_zip)?;
     limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
-    let names: Vec<String> = archive.file_names().map(str::to_owned).collect();
+    let names = archive.file_names().map(|name| name.map(Cow::into_owned));
+    let names = names.collect::<std::result::Result<Vec<String>, _>>().map_err(damaged_zip)?;
     let grid = the_grid(&names)?;
     let stem = stem(grid);
     let target = folder.join(base(grid));

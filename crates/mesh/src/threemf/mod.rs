@@ -22,9 +22,9 @@ use crate::local::Local;
 use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use crate::solid::{Base, lowered};
 use crate::text;
-use crate::xml::escaped;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
+use terrane_files::xml::escaped;
 use terrane_files::{Out, folder_for};
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {

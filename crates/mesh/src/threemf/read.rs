@@ -12,11 +12,12 @@ use crate::input::{Input, check_corners, check_range};
 use crate::local::{is_scale, to_world};
 use crate::obj_index::{Mark, SparseIndex};
 use crate::source::{MeshInfo, MeshSource};
-use crate::xml::{Part, Tag, Xml};
+use crate::xml::{Xml, number};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
 use terrane_files::nameless;
+use terrane_files::xml::{Part, Tag};
 
 /// Entries of an archive, and bytes of its relations, at the most.
 const MOST_ENTRIES: u64 = 4096;
@@ -46,9 +47,9 @@ pub(super) fn open(path: &Path) -> Result<Source> {
         let place = |e: Error| e.in_file(path).at(format!("byte {at} of the model"));
         match xml.next()? {
             Part::Over => break,
-            Part::Start(tag) if tag.is("vertex") => vertices.note(mark),
-            Part::Start(tag) if tag.is("triangle") => triangles.note(mark),
-            Part::Start(tag) if tag.is("metadata") => {
+            Part::Start(tag) if tag.local_name() == "vertex" => vertices.note(mark),
+            Part::Start(tag) if tag.local_name() == "triangle" => triangles.note(mark),
+            Part::Start(tag) if tag.local_name() == "metadata" => {
                 let name = tag.attribute("name").map_err(place)?;
                 found.record(name.unwrap_or_default(), xml.text()?);
             }
@@ -134,24 +135,24 @@ struct Found {
 }
 
 impl Found {
-    fn note(&mut self, tag: &Tag<'_>) -> Result<()> {
-        if tag.is("model") {
+    fn note(&mut self, tag: &Tag) -> Result<()> {
+        if tag.local_name() == "model" {
             // What a file says nothing of is in millimetres.
             self.unit = tag.attribute("unit")?.or_else(|| Some("millimeter".to_owned()));
-        } else if tag.is("object") {
+        } else if tag.local_name() == "object" {
             let kind = tag.attribute("type")?;
             self.is_solid = kind.is_none_or(|kind| kind == "model" || kind == "solidsupport");
-        } else if tag.is("mesh") {
+        } else if tag.local_name() == "mesh" {
             self.objects += 1;
-        } else if tag.is("component") {
+        } else if tag.local_name() == "component" {
             return Err(Error::unsupported("has an object made of others"));
-        } else if tag.is("item") {
+        } else if tag.local_name() == "item" {
             self.check_item(tag)?;
         }
         Ok(())
     }
 
-    fn check_item(&self, tag: &Tag<'_>) -> Result<()> {
+    fn check_item(&self, tag: &Tag) -> Result<()> {
         const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
         let Some(transform) = tag.attribute("transform")? else { return Ok(()) };
         let numbers = transform.split_ascii_whitespace().map(|word| word.parse().ok());
@@ -204,7 +205,7 @@ impl Source {
         index: &SparseIndex,
         name: &str,
         first: u64,
-        mut each: impl FnMut(u64, &Tag<'_>) -> Result<bool>,
+        mut each: impl FnMut(u64, &Tag) -> Result<bool>,
     ) -> Result<()> {
         let (mut at, mark) = index.before(first);
         let mut xml = Xml::new(&self.input, mark.offset);
@@ -214,7 +215,7 @@ impl Source {
                     let message = "the unpacked model has become shorter";
                     return Err(Error::new(ErrorKind::Internal, message));
                 }
-                Part::Start(tag) if tag.is(name) => {
+                Part::Start(tag) if tag.local_name() == name => {
                     at += 1;
                     if at > first {
                         let is_enough = each(at - 1, &tag);
@@ -239,7 +240,7 @@ impl MeshSource for Source {
         let mut slots = out.iter_mut();
         let Some(mut slot) = slots.next() else { return Ok(()) };
         self.scan(&self.vertices, "vertex", first, |index, tag| {
-            let stored: [f32; 3] = [tag.number("x")?, tag.number("y")?, tag.number("z")?];
+            let stored: [f32; 3] = [number(tag, "x")?, number(tag, "y")?, number(tag, "z")?];
             if !stored.iter().all(|c| c.is_finite()) {
                 let error = Error::bad_input("position is not finite");
                 return Err(error.at(format!("vertex {index}")));
@@ -254,7 +255,7 @@ impl MeshSource for Source {
         let mut slots = out.iter_mut();
         let Some(mut slot) = slots.next() else { return Ok(()) };
         self.scan(&self.triangles, "triangle", first, |index, tag| {
-            *slot = [tag.number("v1")?, tag.number("v2")?, tag.number("v3")?];
+            *slot = [number(tag, "v1")?, number(tag, "v2")?, number(tag, "v3")?];
             check_corners(index, slot, self.info.vertices)?;
             Ok(slots.next().map(|next| slot = next).is_none())
         })

@@ -3,9 +3,6 @@
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 
-use quick_xml::events::{BytesStart, Event};
-use quick_xml::reader::Reader;
-
 use super::time;
 use crate::crs;
 use crate::feature::{Feature, Layer, Properties, Value};
@@ -15,21 +12,17 @@ use crate::source::{FeatureSource, OpenOptions};
 use crate::window::Window;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-
-/// Deepest nesting of elements.
-const MOST_DEPTH: u64 = 32;
+use terrane_files::xml::{Part, Tag, Xml};
 
 /// Opens a file.
 pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
-    let mut reader = Reader::from_reader(Stream(Window::open(path)?));
-    reader.config_mut().expand_empty_elements = true;
+    let xml = Xml::new(Stream(Window::open(path)?));
     let layer = Layer { crs: crs::wgs84(), m_is_time: true, ..Layer::default() };
-    let buffer = Vec::new();
-    let mut source = Source { reader, buffer, depth: 0, layer, at: 0, left_out: 0, is_over: false };
+    let mut source = Source { xml, layer, at: 0, left_out: 0, is_over: false };
     loop {
-        match source.next_node()? {
-            Node::Start(tag) if tag.name == "gpx" => return Ok(Box::new(source)),
-            Node::Text(text) if text.trim().is_empty() => {}
+        match source.xml.next()? {
+            Part::Start(tag) if tag.name() == "gpx" => return Ok(Box::new(source)),
+            Part::Text(text) if text.trim().is_empty() => {}
             _ => return Err(Error::bad_input("is not GPX: its first element is no gpx")),
         }
     }
@@ -61,25 +54,8 @@ impl BufRead for Stream {
     }
 }
 
-/// The start of an element; its name is empty where it has a prefix.
-#[derive(Debug, Default)]
-struct Tag {
-    name: String,
-    lat: Option<f64>,
-    lon: Option<f64>,
-}
-
-#[derive(Debug)]
-enum Node {
-    Start(Tag),
-    Text(String),
-    End,
-}
-
 struct Source {
-    reader: Reader<Stream>,
-    buffer: Vec<u8>,
-    depth: u64,
+    xml: Xml<Stream>,
     layer: Layer,
     /// Where the last feature began.
     at: u64,
@@ -91,15 +67,15 @@ struct Source {
 impl FeatureSource for Source {
     fn next(&mut self) -> Result<Option<Feature>> {
         while !self.is_over {
-            self.at = self.reader.buffer_position();
-            match self.next_node()? {
-                Node::Text(_) => {}
-                Node::End => self.is_over = true,
-                Node::Start(tag) => match tag.name.as_str() {
+            self.at = self.xml.offset();
+            match self.xml.next()? {
+                Part::Text(_) => {}
+                Part::End | Part::Over => self.is_over = true,
+                Part::Start(tag) => match tag.name() {
                     "wpt" => return self.waypoint(&tag).map(Some),
                     "rte" => return self.line(Kind::LineString).map(Some),
                     "trk" => return self.line(Kind::MultiLineString).map(Some),
-                    _ => self.skip()?,
+                    _ => self.xml.skip()?,
                 },
             }
         }
@@ -136,13 +112,13 @@ impl Source {
         // Elements begun and not ended: the line, and a segment in it.
         let mut open = 1;
         while open > 0 {
-            match self.next_node()? {
-                Node::Text(_) => {}
-                Node::End => {
+            match self.xml.next()? {
+                Part::Text(_) => {}
+                Part::End | Part::Over => {
                     found.end_part();
                     open -= 1;
                 }
-                Node::Start(tag) => match tag.name.as_str() {
+                Part::Start(tag) => match tag.name() {
                     "trkseg" if open == 1 => open += 1,
                     "trkpt" | "rtept" => self.point(&tag, &mut found, None)?,
                     _ => self.property(&tag, &mut properties)?,
@@ -163,15 +139,18 @@ impl Source {
         to: &mut Coordinates,
         mut properties: Option<&mut Properties>,
     ) -> Result<()> {
-        let (Some(lat), Some(lon)) = (tag.lat, tag.lon) else {
-            return Err(self.bad("a point has no lat or lon that is a number"));
+        let degrees = |name: &str| -> Result<f64> {
+            let value = tag.attribute(name)?.and_then(|text| number::whole(text.as_bytes()));
+            let value = value.filter(|value| value.is_finite());
+            value.ok_or_else(|| self.bad("a point has no lat or lon that is a number"))
         };
+        let at = [degrees("lon")?, degrees("lat")?];
         let (mut height, mut moment) = (None, None);
         loop {
-            match self.next_node()? {
-                Node::Text(_) => {}
-                Node::End => break,
-                Node::Start(tag) => match (tag.name.as_str(), &mut properties) {
+            match self.xml.next()? {
+                Part::Text(_) => {}
+                Part::End | Part::Over => break,
+                Part::Start(tag) => match (tag.name(), &mut properties) {
                     ("ele", _) => {
                         let text = self.text()?.unwrap_or_default();
                         let value = number::whole(text.as_bytes());
@@ -183,20 +162,22 @@ impl Source {
                         self.left_out += u64::from(moment.is_none());
                     }
                     (_, Some(properties)) => self.property(&tag, properties)?,
-                    _ => self.skip()?,
+                    _ => self.xml.skip()?,
                 },
             }
         }
-        to.push([lon, lat], height, moment);
+        to.push(at, height, moment);
         Ok(())
     }
 
     /// The element of `tag` as a property, if it is nothing but text.
     fn property(&mut self, tag: &Tag, properties: &mut Properties) -> Result<()> {
-        if let Some(text) = self.text()?.filter(|text| !text.is_empty() && !tag.name.is_empty()) {
+        if let Some(text) =
+            self.text()?.filter(|text| !text.is_empty() && !tag.name().contains(':'))
+        {
             let count = properties.0.len() as u64;
             limits::check("properties of a feature", count, limits::MAX_FIELDS)?;
-            properties.push(tag.name.as_str(), Value::Text(text));
+            properties.push(tag.name(), Value::Text(text));
         }
         Ok(())
     }
@@ -205,117 +186,21 @@ impl Source {
     fn text(&mut self) -> Result<Option<String>> {
         let (mut text, mut is_plain) = (String::new(), true);
         loop {
-            match self.next_node()? {
-                Node::Text(more) => text += &more,
-                Node::End => return Ok(is_plain.then(|| text.trim().to_owned())),
-                Node::Start(_) => {
+            match self.xml.next()? {
+                Part::Text(more) => text += &more,
+                Part::End | Part::Over => return Ok(is_plain.then(|| text.trim().to_owned())),
+                Part::Start(_) => {
                     is_plain = false;
-                    self.skip()?;
+                    self.xml.skip()?;
                 }
             }
             limits::check("bytes of a text", text.len() as u64, limits::MAX_HEADER_BYTES)?;
         }
     }
 
-    /// Passes over the rest of the element at hand.
-    fn skip(&mut self) -> Result<()> {
-        let mut open = 1;
-        while open > 0 {
-            match self.next_node()? {
-                Node::Start(_) => open += 1,
-                Node::End => open -= 1,
-                Node::Text(_) => {}
-            }
-        }
-        Ok(())
-    }
-
-    fn next_node(&mut self) -> Result<Node> {
-        loop {
-            self.buffer.clear();
-            let event = self.reader.read_event_into(&mut self.buffer);
-            let event =
-                event.map_err(|e| Error::bad_input(format!("is not well-formed XML: {e}")))?;
-            limits::check("bytes of a text", event.len() as u64, limits::MAX_HEADER_BYTES)?;
-            // Names, attributes and comments, too, though most of them are passed over.
-            if std::str::from_utf8(&event).is_err() {
-                let at = self.reader.buffer_position();
-                return Err(Error::bad_input(format!("is not UTF-8 before byte {at}"))
-                    .remedy("convert the file to UTF-8"));
-            }
-            let text = |text: std::result::Result<std::borrow::Cow<'_, str>, _>| {
-                text.map(|text| Node::Text(text.into_owned())).map_err(|e| not_text(&e))
-            };
-            match event {
-                Event::Start(start) => {
-                    self.depth += 1;
-                    limits::check("depth of XML", self.depth, MOST_DEPTH)?;
-                    return tag(&start).map(Node::Start);
-                }
-                Event::End(_) => {
-                    self.depth -= 1;
-                    return Ok(Node::End);
-                }
-                Event::Text(found) => return text(found.decode()),
-                Event::CData(found) => return text(found.decode()),
-                Event::GeneralRef(name) => {
-                    let c = name.resolve_char_ref().map_err(|e| not_text(&e))?;
-                    let name = name.decode().map_err(|e| not_text(&e))?;
-                    return reference(c, &name);
-                }
-                Event::DocType(_) => {
-                    return Err(Error::unsupported("a document type (DTD) is not supported")
-                        .remedy("take it out of the file"));
-                }
-                Event::Eof => return Err(Error::bad_input("ends in the middle of an element")),
-                Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
-            }
-        }
-    }
-
     fn bad(&self, message: &str) -> Error {
-        Error::bad_input(format!("byte {}: {message}", self.reader.buffer_position()))
+        Error::bad_input(format!("byte {}: {message}", self.xml.offset()))
     }
-}
-
-fn not_text(error: &dyn std::error::Error) -> Error {
-    Error::bad_input(format!("is not well-formed XML: {error}"))
-}
-
-fn tag(start: &BytesStart<'_>) -> Result<Tag> {
-    let name = start.name();
-    let mut tag =
-        Tag { name: String::from_utf8_lossy(name.as_ref()).into_owned(), ..Tag::default() };
-    if tag.name.contains(':') {
-        tag.name.clear();
-    }
-    // Looking for repeated names would take the square of their number.
-    for attribute in start.attributes().with_checks(false) {
-        let attribute = attribute.map_err(|e| not_text(&e))?;
-        let value = number::whole(&attribute.value).filter(|value| value.is_finite());
-        match attribute.key.as_ref() {
-            b"lat" => tag.lat = value,
-            b"lon" => tag.lon = value,
-            _ => {}
-        }
-    }
-    Ok(tag)
-}
-
-/// The text of `&name;`.
-fn reference(c: Option<char>, name: &str) -> Result<Node> {
-    let known = match name {
-        "lt" => Some('<'),
-        "gt" => Some('>'),
-        "amp" => Some('&'),
-        "apos" => Some('\''),
-        "quot" => Some('"'),
-        _ => None,
-    };
-    c.or(known).map(|c| Node::Text(c.into())).ok_or_else(|| {
-        let name: String = name.chars().take(40).collect();
-        Error::unsupported(format!("entity &{name}; is not supported")).remedy("write it out")
-    })
 }
 
 #[cfg(test)]

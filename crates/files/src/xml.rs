@@ -1,0 +1,371 @@
+//! XML read as a stream: start tags, texts, ends. No document type, no entity but the five of XML itself, and limits on
+//! depth and on the bytes of a part. What is passed over must be well-formed, too: a document damaged anywhere may be
+//! damaged in what is used.
+
+use std::io::{self, BufRead, Read};
+
+use quick_xml::XmlVersion;
+use quick_xml::escape::unescape;
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::reader::Reader;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Deepest nesting of elements.
+const MAX_DEPTH: u64 = 32;
+/// Most attributes of an element.
+const MAX_ATTRIBUTES: u64 = 4096;
+/// Most bytes of a tag, a text or a comment.
+const MAX_PART_BYTES: u64 = limits::MAX_HEADER_BYTES;
+
+/// A document being read.
+pub struct Xml<R> {
+    reader: Reader<Guard<R>>,
+    buffer: Vec<u8>,
+    /// Elements that have begun and not ended, as far as they are known.
+    depth: u64,
+    /// Where reading began, in bytes.
+    base: u64,
+}
+
+/// What comes next.
+pub enum Part {
+    /// An element begins.
+    Start(Tag),
+    /// Text, or a piece of one.
+    Text(String),
+    /// The element that began last ends.
+    End,
+    /// The document ends.
+    Over,
+}
+
+/// The start of an element.
+pub struct Tag(BytesStart<'static>);
+
+impl Tag {
+    /// Its name, with its prefix.
+    pub fn name(&self) -> &str {
+        self.0.name().into_inner()
+    }
+
+    /// Its name without the prefix.
+    pub fn local_name(&self) -> &str {
+        self.0.local_name().into_inner()
+    }
+
+    /// Its attributes, names with their prefixes.
+    ///
+    /// # Errors
+    /// References to entities that there are not; too many attributes.
+    pub fn attributes(&self) -> Result<Vec<(&str, String)>> {
+        let mut found = Vec::new();
+        // Repeated names were looked for.
+        for attribute in self.0.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|e| not_xml(&e))?;
+            let value = attribute.normalized_value(XmlVersion::Implicit1_0);
+            let value = value.map_err(|e| not_xml(&e))?.into_owned();
+            found.push((attribute.key.into_inner(), value));
+            limits::check("attributes of an element", found.len() as u64, MAX_ATTRIBUTES)?;
+        }
+        Ok(found)
+    }
+
+    /// The attribute of that name.
+    ///
+    /// # Errors
+    /// Those of [`attributes`](Self::attributes).
+    pub fn attribute(&self, name: &str) -> Result<Option<String>> {
+        for attribute in self.0.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|e| not_xml(&e))?;
+            if attribute.key.into_inner() == name {
+                let value = attribute.normalized_value(XmlVersion::Implicit1_0);
+                return Ok(Some(value.map_err(|e| not_xml(&e))?.into_owned()));
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl<R: BufRead> Xml<R> {
+    /// A document from its start.
+    pub fn new(from: R) -> Self {
+        Self::within(from, 0)
+    }
+
+    /// A document from byte `base` on, where an element begins.
+    pub fn within(from: R, base: u64) -> Self {
+        let mut reader = Reader::from_reader(Guard { inner: from, left: MAX_PART_BYTES });
+        let config = reader.config_mut();
+        config.expand_empty_elements = true;
+        config.check_comments = true;
+        // What began before is not known to have begun.
+        config.allow_unmatched_ends = base > 0;
+        Self { reader, buffer: Vec::new(), depth: 0, base }
+    }
+
+    /// Where the next part begins, in bytes.
+    pub fn offset(&self) -> u64 {
+        self.base + self.reader.buffer_position()
+    }
+
+    /// The next part.
+    ///
+    /// # Errors
+    /// Text that is no well-formed XML; a document type, an entity; a limit.
+    #[expect(clippy::should_implement_trait, reason = "an iterator has no errors of its own")]
+    pub fn next(&mut self) -> Result<Part> {
+        loop {
+            let is_begun = self.offset() > 0;
+            self.buffer.clear();
+            self.reader.get_mut().left = MAX_PART_BYTES;
+            let event = self.reader.read_event_into(&mut self.buffer).map_err(|e| failed(&e))?;
+            check_text(&event)?;
+            match event {
+                Event::Start(start) => {
+                    check_tag(&start)?;
+                    self.depth += 1;
+                    limits::check("depth of XML", self.depth, MAX_DEPTH)?;
+                    return Ok(Part::Start(Tag(start.into_owned())));
+                }
+                Event::End(_) => {
+                    self.depth = self.depth.saturating_sub(1);
+                    return Ok(Part::End);
+                }
+                Event::Text(text) if text.contains("]]>") => return Err(not_xml(&"]]> in a text")),
+                Event::Text(text) => return Ok(Part::Text(text.into_inner().into_owned())),
+                Event::CData(text) => return Ok(Part::Text(text.into_inner().into_owned())),
+                Event::GeneralRef(name) => {
+                    let c = name.resolve_char_ref().map_err(|e| not_xml(&e))?;
+                    return reference(c, &name).map(Part::Text);
+                }
+                Event::DocType(_) => return Err(no_document_type()),
+                Event::Eof if self.depth > 0 => {
+                    return Err(Error::bad_input("ends in the middle of an element"));
+                }
+                Event::Eof => return Ok(Part::Over),
+                Event::Decl(_) if is_begun => return Err(not_xml(&"a second declaration")),
+                Event::PI(pi) if !is_name(pi.target()) => {
+                    return Err(not_xml(&"an instruction without a name"));
+                }
+                Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
+            }
+        }
+    }
+
+    /// Passes over the rest of the element at hand.
+    ///
+    /// # Errors
+    /// Those of [`next`](Self::next); the end of the document.
+    pub fn skip(&mut self) -> Result<()> {
+        let mut open = 1;
+        while open > 0 {
+            match self.next()? {
+                Part::Start(_) => open += 1,
+                Part::End => open -= 1,
+                Part::Text(_) => {}
+                Part::Over => return Err(Error::bad_input("ends in the middle of an element")),
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes sure that nothing but comments and space follow the outermost element, which has ended.
+    ///
+    /// # Errors
+    /// Those of [`next`](Self::next); anything else.
+    pub fn finish(&mut self) -> Result<()> {
+        loop {
+            match self.next()? {
+                Part::Over => return Ok(()),
+                Part::Text(text) if text.trim_ascii().is_empty() => {}
+                _ => return Err(Error::bad_input("goes on behind its outermost element")),
+            }
+        }
+    }
+}
+
+/// Fails unless a start tag is a name and attributes with a space before each, quoted, and each there once.
+fn check_tag(start: &str) -> Result<()> {
+    let is_space = |c: char| matches!(c, ' ' | '\t' | '\r' | '\n');
+    let damaged = || not_xml(&"a tag is damaged");
+    let end = start.find(is_space).unwrap_or(start.len());
+    let (name, mut rest) = start.split_at(end);
+    let mut names = Vec::new();
+    let mut is_sound = is_name(name);
+    loop {
+        let next = rest.trim_start_matches(is_space);
+        if next.is_empty() || !is_sound {
+            break;
+        }
+        let has_space = next.len() < rest.len();
+        let (name, value) = next.split_once('=').ok_or_else(damaged)?;
+        let value = value.trim_start_matches(is_space);
+        let quote = value.chars().next().filter(|c| matches!(c, '"' | '\'')).ok_or_else(damaged)?;
+        let (value, after) = value[1..].split_once(quote).ok_or_else(damaged)?;
+        let name = name.trim_end_matches(is_space);
+        is_sound = has_space && is_name(name) && !value.contains('<') && unescape(value).is_ok();
+        names.push(name);
+        rest = after;
+    }
+    names.sort_unstable();
+    let is_once = names.windows(2).all(|pair| pair[0] != pair[1]);
+    if is_sound && is_once { Ok(()) } else { Err(damaged()) }
+}
+
+/// Whether a text may be a name: what is beyond ASCII is taken to be letters.
+fn is_name(name: &str) -> bool {
+    let is_letter = |c: u8| c.is_ascii_alphabetic() || matches!(c, b'_' | b':' | 0x80..);
+    name.bytes().next().is_some_and(is_letter)
+        && name.bytes().all(|c| is_letter(c) || c.is_ascii_digit() || matches!(c, b'-' | b'.'))
+}
+
+/// Fails where a text holds characters that XML has not.
+fn check_text(text: &str) -> Result<()> {
+    let is_none = |c: char| {
+        c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
+    };
+    match text.contains(is_none) {
+        true => Err(not_xml(&"it holds control characters")),
+        false => Ok(()),
+    }
+}
+
+/// The text of `&name;`.
+fn reference(c: Option<char>, name: &str) -> Result<String> {
+    const KNOWN: [(&str, char); 5] =
+        [("lt", '<'), ("gt", '>'), ("amp", '&'), ("apos", '\''), ("quot", '"')];
+    let known = KNOWN.iter().find(|(known, _)| *known == name).map(|(_, c)| *c);
+    c.or(known).map(String::from).ok_or_else(|| {
+        let name: String = name.chars().take(40).collect();
+        Error::unsupported(format!("entity &{name}; is not supported")).remedy("write it out")
+    })
+}
+
+fn not_xml(error: &dyn std::fmt::Display) -> Error {
+    Error::bad_input(format!("is not well-formed XML: {error}"))
+}
+
+fn no_document_type() -> Error {
+    Error::unsupported("a document type (DTD) is not supported").remedy("take it out of the file")
+}
+
+/// Why a part was not read: it is too long, no text, or no XML.
+fn failed(error: &quick_xml::Error) -> Error {
+    match error {
+        quick_xml::Error::Io(e) if e.kind() == io::ErrorKind::FileTooLarge => {
+            Error::limit("bytes of one part of XML", MAX_PART_BYTES + 1, MAX_PART_BYTES)
+        }
+        quick_xml::Error::Encoding(_) => {
+            Error::bad_input("is not UTF-8").remedy("convert the file to UTF-8")
+        }
+        other => not_xml(other),
+    }
+}
+
+/// A text as it stands in an attribute.
+pub fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '&' => out.push_str("&amp;"),
+            '"' => out.push_str("&quot;"),
+            // XML has no others of these, and no way to write them.
+            c if c.is_control() => out.push('?'),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// Fails where one part takes more bytes than any would.
+struct Guard<R> {
+    inner: R,
+    left: u64,
+}
+
+impl<R: BufRead> Read for Guard<R> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let bytes = self.fill_buf()?;
+        let count = bytes.len().min(out.len());
+        out[..count].copy_from_slice(&bytes[..count]);
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl<R: BufRead> BufRead for Guard<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.left == 0 {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
+        self.inner.fill_buf()
+    }
+
+    fn consume(&mut self, bytes: usize) {
+        self.left = self.left.saturating_sub(bytes as u64);
+        self.inner.consume(bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_passed_over_is_well_formed_too() {
+        let sound = "<?xml version='1.0'?>\n<a><b/></a>\n<!-- c --><?d e?>\n";
+        let skipped = |text: &str| {
+            let mut xml = Xml::new(text.as_bytes());
+            while !matches!(xml.next()?, Part::Start(_)) {}
+            xml.skip()?;
+            xml.finish()
+        };
+        skipped(sound).unwrap();
+        skipped("<a><b c = '1'\td=\"2\" ></b ></a>").unwrap();
+        let too_late = "<a/><?xml version='1.0'?>";
+        for inside in [
+            "<b c=1/>",
+            "<b c/>",
+            "<b c='1'd='2'/>",
+            "<b c='1' c='2'/>",
+            "<b c='<'/>",
+            "<b c='&'/>",
+            "<b 1c='2'/>",
+            "<1/>",
+            "< b/>",
+            "<b></c>",
+            "<b>",
+            "</b>",
+            "x & y",
+            "&amp",
+            "&#0;",
+            "&#x110000;",
+            "&nbsp;",
+            "]]>",
+            "\u{1}",
+            "<b c='\u{2}'/>",
+            "<!-- -- -->",
+            "<!-- \u{3} -->",
+            "<![CDATA[ x",
+            "<!x>",
+            "<??>",
+            "<? x?>",
+            "<b",
+            "<b c='",
+            "<?xml version='1.0'?>",
+        ] {
+            for text in [format!("<a>{inside}</a>"), format!("<a><u>{inside}</u></a>")] {
+                assert!(skipped(&text).is_err(), "{text}");
+            }
+        }
+        for behind in ["<b/>", "x", "&amp;", "</a>", "<![CDATA[x]]>", "<!DOCTYPE a>", "<", "\u{1}"]
+        {
+            assert!(skipped(&format!("{sound}{behind}")).is_err(), "{behind}");
+        }
+        assert!(skipped(too_late).is_err());
+    }
+}
