@@ -201,7 +201,7 @@ fn in_archive(bytes: &[u8], change: impl Fn(&str) -> Option<String>) -> Vec<u8> 
         file.read_to_string(&mut text).unwrap();
         let new = change(&text);
         count += usize::from(new.is_some());
-        changed.start_file(file.name(), zip::write::SimpleFileOptions::default()).unwrap();
+        changed.start_file(file.name().unwrap(), zip::write::SimpleFileOptions::default()).unwrap();
         changed.write_all(new.unwrap_or(text).as_bytes()).unwrap();
     }
     assert_eq!(count, 1, "files of the archive that were changed");

@@ -207,7 +207,7 @@ fn replace(place: &Place, name: &str, from: &str, to: &str) {
         let mut file = archive.by_index(index).unwrap();
         let mut text = Vec::new();
         file.read_to_end(&mut text).unwrap();
-        changed.start_file(file.name(), zip::write::SimpleFileOptions::default()).unwrap();
+        changed.start_file(file.name().unwrap(), zip::write::SimpleFileOptions::default()).unwrap();
         changed.write_all(&change(text.clone()).unwrap_or(text)).unwrap();
     }
     place.write(name, changed.finish().unwrap().into_inner());
