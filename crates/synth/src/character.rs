@@ -1,47 +1,8 @@
 //! The characters a terrain can have, and the registry that names them.
 
-use super::Terrain;
 use super::hash::{RowHash, mix64};
 use super::stack::Spectrum;
-
-/// A number a terrain can be told, as `key=value`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parameter {
-    /// Name before the equals sign.
-    pub key: &'static str,
-    /// One line for the help, with the unit.
-    pub about: &'static str,
-    /// Value when it is not given.
-    pub default: f64,
-    /// Least and most value allowed.
-    pub range: (f64, f64),
-    /// True when only whole numbers make sense.
-    pub whole: bool,
-}
-
-/// One kind of terrain: an entry of [`CHARACTERS`].
-#[derive(Clone, Copy, Debug)]
-pub struct Character {
-    /// Name, the first word of `rough,size=4097,seed=7`.
-    pub name: &'static str,
-    /// One line for the help.
-    pub about: &'static str,
-    /// A parameter only this character has.
-    pub own: Option<Parameter>,
-    /// True when every height is a whole number of metres between 0 and 32767.
-    pub integer: bool,
-    /// True when some samples can be void.
-    pub voids: bool,
-    pub(super) spectrum: Spectrum,
-    pub(super) finish: fn(&Terrain, Position, &[f32], &mut [f32]),
-}
-
-/// Where a run of samples starts.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Position {
-    pub(super) col: u32,
-    pub(super) row: u32,
-}
+use super::terrain::{Character, MAX_SIDE, Parameter, Position, Terrain};
 
 const ROUGH: Spectrum =
     Spectrum { coarsest: 12, ridged: 9, detail: 5, finest: 2, amplitude: 0.25, gain: 0.56 };
@@ -80,21 +41,21 @@ pub const PARAMETERS: &[Parameter] = &[
         key: "size",
         about: "columns and rows",
         default: 4097.0,
-        range: (1.0, super::MAX_SIDE as f64),
+        range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
     Parameter {
         key: "width",
         about: "columns, instead of size",
         default: 4097.0,
-        range: (1.0, super::MAX_SIDE as f64),
+        range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
     Parameter {
         key: "height",
         about: "rows, instead of size",
         default: 4097.0,
-        range: (1.0, super::MAX_SIDE as f64),
+        range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
     Parameter {

@@ -13,65 +13,8 @@ mod lattice;
 pub mod lines;
 mod name;
 mod stack;
+mod terrain;
 mod words;
 
-pub use character::{CHARACTERS, Character, PARAMETERS, Parameter};
-
-use character::Position;
-use terrane_base::geom::Rect;
-
-/// Most columns or rows of a terrain.
-pub const MAX_SIDE: u32 = 1 << 30;
-
-/// A terrain: what [`fill_f32`](Terrain::fill_f32) computes windows of.
-#[derive(Clone, Copy, Debug)]
-pub struct Terrain {
-    /// Its kind.
-    pub character: &'static Character,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Chooses one terrain among all of its kind.
-    pub seed: u64,
-    /// Metres between samples.
-    pub cell: f64,
-    /// Metres from low plains to high peaks, about.
-    pub relief: f64,
-    /// Value of the character's own parameter (0 when it has none).
-    pub own: f64,
-}
-
-impl Terrain {
-    /// Computes the heights in metres of the samples of `rect`, row by row; voids are NaN.
-    ///
-    /// Time is proportional to the samples, with a set-up of the order of a hundred samples for
-    /// each row and each 512 columns begun: wide or square windows pay least.
-    ///
-    /// # Panics
-    /// When `out.len()` is not `rect.len()`, or when `rect` ends beyond [`MAX_SIDE`].
-    pub fn fill_f32(&self, rect: Rect, out: &mut [f32]) {
-        assert_eq!(out.len(), rect.len(), "one value for each sample of the window");
-        assert!(ends_within(rect), "the window ends beyond column or row {MAX_SIDE}");
-        let window = [rect.col, rect.row, rect.width, rect.height];
-        stack::relief(&self.character.spectrum, self.seed, window, |row, col, heights| {
-            let line = (row - rect.row) as usize * rect.width as usize;
-            let from = line + (col - rect.col) as usize;
-            let out = &mut out[from..from + heights.len()];
-            (self.character.finish)(self, Position { col, row }, heights, out);
-        });
-    }
-
-    /// The height in metres of one sample, NaN when void. For whole windows use
-    /// [`fill_f32`](Self::fill_f32): this costs as much as a short row.
-    pub fn sample(&self, col: u32, row: u32) -> f32 {
-        let mut out = [0.0];
-        self.fill_f32(Rect::new(col, row, 1, 1), &mut out);
-        out[0]
-    }
-}
-
-fn ends_within(rect: Rect) -> bool {
-    let end = |from: u32, length: u32| from.checked_add(length).is_some_and(|end| end <= MAX_SIDE);
-    end(rect.col, rect.width) && end(rect.row, rect.height)
-}
+pub use character::{CHARACTERS, PARAMETERS};
+pub use terrain::{Character, MAX_SIDE, Parameter, Terrain};

@@ -6,10 +6,8 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::{
-    TEMP_PREFIX, TEMP_SUFFIX, parent, plain, refuse_existing, remove_leftovers, resolve,
-    sync_folder,
-};
+use super::temporary::{TEMP_PREFIX, TEMP_SUFFIX, parent, remove_leftovers};
+use super::{plain, refuse_existing, resolve, sync_folder};
 use crate::fault::{self, Point};
 use terrane_base::error::{Error, Result};
 

@@ -15,11 +15,8 @@ use terrane_base::error::{Error, ErrorKind, Result};
 
 pub use folder::AtomicFolder;
 pub use sidecar::Sidecar;
-use temporary::Temporary;
-
-/// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
-const TEMP_PREFIX: &str = ".terrane-";
-const TEMP_SUFFIX: &str = ".tmp";
+pub use temporary::is_temporary;
+use temporary::{Temporary, parent, remove_leftovers};
 
 /// What stands for stdout where a file is named. No file or folder is ever called so.
 pub const STDOUT: &str = "-";
@@ -164,49 +161,15 @@ pub fn plain(error: io::Error) -> io::Error {
     }
 }
 
-fn parent(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
 fn sync_folder(folder: &Path) {
     if let Ok(handle) = File::open(folder) {
         let _ = handle.sync_all();
     }
 }
 
-/// Removes temporary files and folders that nobody has locked any more: their run was killed. Best effort:
-/// failures are not the user's problem. A folder in the making has no leftovers, and may have so many
-/// files that to look at all of them for each new one would take ever longer.
-fn remove_leftovers(folder: &Path) {
-    if folder.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary) {
-        return;
-    }
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    for entry in entries.flatten() {
-        let name = entry.file_name();
-        if !name.to_str().is_some_and(is_temporary) {
-            continue;
-        }
-        // Locked until it is gone: its maker may be about to lock it.
-        let Ok(file) = File::open(entry.path()) else { continue };
-        if file.try_lock().is_ok() {
-            let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-            let remove = if is_folder { std::fs::remove_dir_all } else { std::fs::remove_file };
-            let _ = remove(&entry.path());
-        }
-    }
-}
-
-/// True for the name of a temporary file or folder of ours.
-pub fn is_temporary(name: &str) -> bool {
-    name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::temporary::TEMP_PREFIX;
     use super::*;
 
     #[test]

@@ -1,4 +1,5 @@
-//! A file in the making: without a name where the system can, else under a temporary one.
+//! A file in the making, without a name where the system can, else under a temporary one; and those that killed
+//! runs left.
 
 use std::fs::{File, TryLockError};
 use std::io;
@@ -6,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempPath};
 
-use super::{TEMP_PREFIX, TEMP_SUFFIX, parent};
+/// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
+pub(super) const TEMP_PREFIX: &str = ".terrane-";
+pub(super) const TEMP_SUFFIX: &str = ".tmp";
 
 /// A file that has not got its name yet. Dropping it removes it.
 #[derive(Debug)]
@@ -47,6 +50,14 @@ impl Temporary {
             Self::Named(temp) if overwrite => temp.persist(target).map(drop).map_err(|e| e.error),
             Self::Named(temp) => temp.persist_noclobber(target).map(drop).map_err(|e| e.error),
         }
+    }
+}
+
+/// The folder that a path is in.
+pub(super) fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
     }
 }
 
@@ -116,9 +127,36 @@ fn named(folder: &Path) -> io::Result<NamedTempFile> {
     }
 }
 
+/// Removes temporary files and folders that nobody has locked any more: their run was killed. Best effort:
+/// failures are not the user's problem. A folder in the making has no leftovers, and may have so many
+/// files that to look at all of them for each new one would take ever longer.
+pub(super) fn remove_leftovers(folder: &Path) {
+    if folder.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary) {
+        return;
+    }
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        if !name.to_str().is_some_and(is_temporary) {
+            continue;
+        }
+        // Locked until it is gone: its maker may be about to lock it.
+        let Ok(file) = File::open(entry.path()) else { continue };
+        if file.try_lock().is_ok() {
+            let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+            let remove = if is_folder { std::fs::remove_dir_all } else { std::fs::remove_file };
+            let _ = remove(&entry.path());
+        }
+    }
+}
+
+/// True for the name of a temporary file or folder of ours.
+pub fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::remove_leftovers;
     use super::*;
     use std::io::Write;
 

@@ -1,6 +1,6 @@
 //! Buildings: at most one on each lot, turned, with a flat or gabled roof.
 
-use super::Dice;
+use super::dice::Dice;
 use super::spline::Spline;
 
 /// Metres of the side of a lot.

@@ -1,6 +1,7 @@
 //! Where the aircraft flies and its pulses go: lines, scan lines, and the parts of both.
 
-use super::{Dice, Survey};
+use super::dice::Dice;
+use super::survey::Survey;
 use crate::hash::mix64;
 
 /// Metres between flight lines.

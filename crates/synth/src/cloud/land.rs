@@ -1,8 +1,9 @@
 //! What lies under a part of a flight: ground, zones, buildings, trees and voids.
 
 use super::building::{self, Building};
+use super::dice::Dice;
 use super::spline::{GROUND, Spline, ZONES};
-use super::{Dice, Survey};
+use super::survey::Survey;
 use crate::hash::{RowHash, mix64};
 use terrane_base::geom::Rect;
 
@@ -116,6 +117,13 @@ impl Cover {
     }
 }
 
+impl Survey {
+    /// Centres and radii of the voids, as [x, y, radius].
+    pub fn void_places(&self) -> impl Iterator<Item = [f64; 3]> + use<'_> {
+        (0..self.voids).map(|k| void(self, k))
+    }
+}
+
 /// The ground over a rectangle.
 pub(super) fn ground(survey: &Survey, area: [f64; 4]) -> Spline {
     let terrain = survey.terrain();
@@ -139,7 +147,7 @@ fn zones(survey: &Survey, area: [f64; 4]) -> Spline {
 
 /// Centre and radius of the void of this number: on a corner of tiles, on a line between columns of
 /// tiles, on a line between rows, in turn, as far as there are such.
-pub(super) fn void(survey: &Survey, number: u32) -> [f64; 3] {
+fn void(survey: &Survey, number: u32) -> [f64; 3] {
     let [across, along, size, _] = Dice(mix64(survey.key(3) ^ u64::from(number))).four();
     let line = |share: f64, length: f64| {
         let lines = (length / survey.tile).ceil() - 1.0;

@@ -1,9 +1,48 @@
 //! What comes back of one pulse.
 
+use super::dice::Dice;
 use super::flight::Shot;
 use super::land::{Land, Place};
-use super::{BUILDING, Dice, Echo, GROUND, HIGH_NOISE, LOW_NOISE, Survey};
+use super::survey::Survey;
 use terrane_base::geom::Point;
+
+/// Class of the ground.
+pub const GROUND: u8 = 2;
+/// Class of roofs.
+pub const BUILDING: u8 = 6;
+/// Class of returns from below the ground.
+pub const LOW_NOISE: u8 = 7;
+/// Class of returns from the air.
+pub const HIGH_NOISE: u8 = 18;
+
+/// A return of a pulse.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Echo {
+    /// Steps of [`Survey::scale`] east and north of the south-west corner, and up from zero.
+    pub point: Point,
+    /// Seconds, growing along a line and from line to line.
+    pub time: f64,
+    /// Strength, by what was hit.
+    pub intensity: u16,
+    /// Number of the flight line, from 1.
+    pub source: u16,
+    /// Angle of the beam in steps of 0.006 degrees, positive to the east.
+    pub angle: i16,
+    /// Which return of the pulse, from 1, the highest first.
+    pub number: u8,
+    /// How many returns the pulse has.
+    pub of: u8,
+    /// Class, with the numbers of the ASPRS.
+    pub class: u8,
+    /// True for a point that is known to be wrong.
+    pub withheld: bool,
+    /// True beyond the middle of the overlap with the neighbouring line.
+    pub overlap: bool,
+    /// True when the scanner moved to the east.
+    pub eastward: bool,
+    /// True for the ends of a scan line.
+    pub edge: bool,
+}
 
 /// Most returns of a pulse.
 pub(super) const MOST_RETURNS: u32 = 4;

@@ -1,6 +1,46 @@
 //! The curves, each in a square of side 1 whose lower left corner is its place.
 
-use super::{Lines, Place, Xy};
+use super::{Lines, Place, Shape, Xy};
+
+/// Every family.
+pub const SHAPES: &[Shape] = &[
+    Shape {
+        name: "koch",
+        about: "the curve of von Koch, cut off after so many vertices",
+        is_rings: false,
+        draw: koch,
+    },
+    Shape {
+        name: "walk",
+        about: "a random walk, which crosses itself",
+        is_rings: false,
+        draw: walk,
+    },
+    Shape {
+        name: "zigzag",
+        about: "to and fro, ever wider: splits take off one vertex at a time",
+        is_rings: false,
+        draw: zigzag,
+    },
+    Shape {
+        name: "spiral",
+        about: "inwards, a thousand vertices a turn",
+        is_rings: false,
+        draw: spiral,
+    },
+    Shape {
+        name: "arc",
+        about: "a quarter of a circle: every vertex counts alike",
+        is_rings: false,
+        draw: arc,
+    },
+    Shape {
+        name: "coverage",
+        about: "polygons side by side that share rough borders, and neither gap nor overlap",
+        is_rings: true,
+        draw: cell,
+    },
+];
 
 /// A position in the square at a place.
 fn within(place: Place, p: Xy) -> Xy {
@@ -22,7 +62,7 @@ const SIXTHS: [Xy; 6] = [
 
 /// From west to east, H. von Koch, "Sur une courbe continue sans tangente" (1904), with as many levels
 /// as the vertices need.
-pub(super) fn koch(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn koch(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     let segments = u64::from(lines.vertices) - 1;
     let levels = (0..).find(|level| 4_u64.pow(*level) >= segments).unwrap_or(0);
     out.extend((0..u64::from(lines.vertices)).map(|vertex| within(place, koch_at(vertex, levels))));
@@ -50,7 +90,7 @@ fn koch_at(vertex: u64, levels: u32) -> Xy {
 
 /// From the middle. A walk gets about as far as the root of its steps, times one, so few leave the
 /// square.
-pub(super) fn walk(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn walk(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     let step = 0.25 / f64::from(lines.vertices).sqrt();
     let of = key(place);
     let mut at = [0.5, 0.5];
@@ -64,7 +104,7 @@ fn key([col, row]: Place) -> u64 {
     u64::from(col) << 32 | u64::from(row)
 }
 
-pub(super) fn zigzag(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn zigzag(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     let last = f64::from(lines.vertices - 1);
     let at = |vertex: u32| {
         let x = f64::from(vertex) / last;
@@ -74,7 +114,7 @@ pub(super) fn zigzag(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     out.extend((0..lines.vertices).map(at));
 }
 
-pub(super) fn spiral(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn spiral(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     /// Half the angle from one vertex to the next, a thousandth of a turn.
     const HALF_STEP: f64 = std::f64::consts::PI / 1000.0;
     let [cosine, sine] = on_circle(HALF_STEP);
@@ -86,7 +126,7 @@ pub(super) fn spiral(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     }
 }
 
-pub(super) fn arc(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn arc(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     let last = f64::from(lines.vertices - 1);
     let at = |vertex| within(place, on_circle(f64::from(vertex) / last));
     out.extend((0..lines.vertices).map(at));
@@ -100,7 +140,7 @@ fn on_circle(half_tangent: f64) -> Xy {
 
 /// The ring of a cell, against the clock from its lower left corner. A border strays sideways by less
 /// than its nearer end is away, so it meets no other.
-pub(super) fn cell(lines: &Lines, [col, row]: Place, out: &mut Vec<Xy>) {
+fn cell(lines: &Lines, [col, row]: Place, out: &mut Vec<Xy>) {
     let steps = (lines.vertices / 4).max(1);
     // Both cells along a border compute it by the same operations.
     let share = |i: u32| f64::from(i) / f64::from(steps);

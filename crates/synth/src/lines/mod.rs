@@ -6,6 +6,7 @@
 mod curve;
 mod name;
 
+pub use curve::SHAPES;
 pub use name::PARAMETERS;
 
 use super::hash::mix64;
@@ -27,46 +28,6 @@ pub struct Shape {
     /// Appends the vertices of a feature in the square at its place.
     draw: fn(&Lines, Place, &mut Vec<Xy>),
 }
-
-/// Every family.
-pub const SHAPES: &[Shape] = &[
-    Shape {
-        name: "koch",
-        about: "the curve of von Koch, cut off after so many vertices",
-        is_rings: false,
-        draw: curve::koch,
-    },
-    Shape {
-        name: "walk",
-        about: "a random walk, which crosses itself",
-        is_rings: false,
-        draw: curve::walk,
-    },
-    Shape {
-        name: "zigzag",
-        about: "to and fro, ever wider: splits take off one vertex at a time",
-        is_rings: false,
-        draw: curve::zigzag,
-    },
-    Shape {
-        name: "spiral",
-        about: "inwards, a thousand vertices a turn",
-        is_rings: false,
-        draw: curve::spiral,
-    },
-    Shape {
-        name: "arc",
-        about: "a quarter of a circle: every vertex counts alike",
-        is_rings: false,
-        draw: curve::arc,
-    },
-    Shape {
-        name: "coverage",
-        about: "polygons side by side that share rough borders, and neither gap nor overlap",
-        is_rings: true,
-        draw: curve::cell,
-    },
-];
 
 /// Lines or rings: what [`feature`](Lines::feature) draws.
 #[derive(Clone, Copy, Debug)]
