@@ -14,8 +14,8 @@ use std::collections::BinaryHeap;
 
 use crate::grid::{Grid, Sample};
 use crate::mesh::check_surface;
+use crate::method::{Method, Promise};
 use crate::plane::Plane;
-use crate::registry::{Method, Promise};
 use crate::result::Tin;
 use crate::star::{Full, is_free};
 use crate::task::{Size, Task};

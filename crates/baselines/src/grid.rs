@@ -1,6 +1,5 @@
 //! The grid that methods work on: heights of samples, and positions packed into one number.
 
-use crate::surface::Role;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rounding;
 use terrane_base::geom::predicates::Lattice;
@@ -125,11 +124,6 @@ impl<'a> Grid<'a> {
         col + 1 < self.width
             && row + 1 < self.height
             && corners.iter().all(|&(col, row)| !self.sample(Sample::new(col, row)).is_nan())
-    }
-
-    /// What a sample is to the surface.
-    pub(crate) fn role(&self, at: Sample) -> Role {
-        Role::of(self, at)
     }
 
     /// True for the four corners of the grid.

@@ -14,8 +14,8 @@
 
 use crate::grid::Sample;
 use crate::mesh::{Mesh, check_surface};
+use crate::method::{Method, Promise};
 use crate::plane::Plane;
-use crate::registry::{Method, Promise};
 use crate::result::Tin;
 use crate::surface::{Cells, Extent};
 use crate::task::Task;

@@ -26,6 +26,7 @@ mod greedy;
 mod grid;
 mod kdtree;
 mod mesh;
+mod method;
 mod plane;
 mod registry;
 mod result;
@@ -40,7 +41,8 @@ mod vip;
 
 pub use channels::{Channels, Drawn, Measured, join_voids};
 pub use grid::{Grid, MOST_SIDE, Sample, check_sides};
-pub use registry::{METHODS, Method, Promise};
+pub use method::{Method, Promise};
+pub use registry::METHODS;
 pub use result::Tin;
 pub use surface::Census;
 pub use task::{Goal, Task};

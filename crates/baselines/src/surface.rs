@@ -20,20 +20,21 @@ pub(crate) enum Role {
     Void,
 }
 
-impl Role {
-    pub(crate) fn of(grid: &Grid<'_>, at: Sample) -> Self {
+impl Grid<'_> {
+    /// What a sample is to the surface.
+    pub(crate) fn role(&self, at: Sample) -> Role {
         let (mut held, mut missing) = (false, false);
-        for (col, row) in cells_around(grid, at) {
-            match grid.holds_cell(col, row) {
+        for (col, row) in cells_around(self, at) {
+            match self.holds_cell(col, row) {
                 true => held = true,
                 false => missing = true,
             }
         }
         match (held, missing) {
-            (true, true) => Self::Outline,
-            (true, false) => Self::Interior,
-            (false, _) if grid.sample(at).is_nan() => Self::Void,
-            (false, _) => Self::Isolated,
+            (true, true) => Role::Outline,
+            (true, false) => Role::Interior,
+            (false, _) if self.sample(at).is_nan() => Role::Void,
+            (false, _) => Role::Isolated,
         }
     }
 }

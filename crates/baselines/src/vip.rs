@@ -17,7 +17,7 @@ use std::cmp::Reverse;
 
 use crate::grid::{Grid, Sample};
 use crate::mesh::Mesh;
-use crate::registry::{Method, Promise};
+use crate::method::{Method, Promise};
 use crate::result::Tin;
 use crate::surface::Role;
 use crate::task::{Goal, Size, Task};

@@ -2,7 +2,7 @@
 
 use super::disc::Disc;
 use super::predicates::Site;
-use super::space::Window;
+use super::window::Window;
 use terrane_base::geom::Point;
 
 /// Points that a bin should hold where they are spread evenly.

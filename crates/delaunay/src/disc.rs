@@ -2,7 +2,7 @@
 
 use super::position::{Arm, Position};
 use super::predicates::{Site, in_circle, orient};
-use super::space::Window;
+use super::window::Window;
 
 /// The closed disc through the corners of a triangle. Positions are relative to the first corner, so
 /// rounding is relative to the size of the triangle, not to that of the cloud.

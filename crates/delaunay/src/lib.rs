@@ -28,6 +28,7 @@ mod space;
 mod spikefree;
 mod stars;
 mod triangulation;
+mod window;
 
 pub use bins::Bins;
 pub use disc::Disc;
@@ -38,7 +39,8 @@ pub use natural::Natural;
 pub use position::{FRACTION, Position};
 pub use predicates::{Site, in_circle, orient};
 pub use query::{Finder, Found};
-pub use space::{Coverage, Loaded, Needs, Space, Window};
+pub use space::{Coverage, Loaded, Needs, Space};
 pub use spikefree::{Freeze, SpikeFree};
 pub use stars::stars;
 pub use triangulation::{MOST_POINTS, Triangulation};
+pub use window::Window;

@@ -13,9 +13,10 @@ use super::interpolate::{float, interpolate};
 use super::knit::{GHOST, next, prev};
 use super::position::{Arm, Position};
 use super::query::{deepest, from_lowest, site};
-use super::space::{Needs, Space, Window};
+use super::space::{Needs, Space};
 use super::stars::within;
 use super::triangulation::Triangulation;
+use super::window::Window;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 

@@ -2,7 +2,7 @@
 
 use super::fork::Fork;
 use super::predicates::Site;
-use super::space::Window;
+use super::window::Window;
 use terrane_base::geom::Point;
 
 /// A site on its way into order: the bits of x and y, interleaved, and where it came from.

@@ -11,7 +11,8 @@ use super::disc::Disc;
 use super::hull::{Hull, Place};
 use super::position::{Arm, Position};
 use super::predicates::{Site, in_circle};
-use super::space::{Needs, Space, Window};
+use super::space::{Needs, Space};
+use super::window::Window;
 use terrane_base::geom::Point;
 
 /// What lies at a position.

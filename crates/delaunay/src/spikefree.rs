@@ -14,8 +14,8 @@ use std::cmp::Reverse;
 use super::position::Position;
 use super::predicates::Site;
 use super::query::from_lowest;
-use super::space::Window;
 use super::triangulation::Triangulation;
+use super::window::Window;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, is_within};
 

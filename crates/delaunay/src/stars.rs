@@ -12,8 +12,9 @@ use super::disc::Disc;
 use super::hull::Hull;
 use super::predicates::Site;
 use super::query::{deepest, from_lowest, site};
-use super::space::{Needs, Space, Window};
+use super::space::{Needs, Space};
 use super::triangulation::Triangulation;
+use super::window::Window;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 

@@ -2,11 +2,11 @@
 //! Heckbert 1995. Time O(m n) and more for m vertices of n samples (the paper has O(m^2 n) where a walk takes
 //! O(m) steps; from its neighbour, a sample is a few steps away). Memory: the mesh.
 
-use super::{GREEDY, Search, run};
+use super::{Search, method};
 use crate::candidate::Candidate;
 use crate::mesh::{Mesh, State};
+use crate::method::Method;
 use crate::plane::Plane;
-use crate::registry::Method;
 use crate::task::Task;
 
 pub(crate) const GREEDY_1: Method = Method {
@@ -15,8 +15,7 @@ pub(crate) const GREEDY_1: Method = Method {
     time: "O(m n), walks aside",
     memory: "the grid and the mesh",
     sample_bytes: 180,
-    run: |task| run::<AllPoints>(task),
-    ..GREEDY
+    ..method::<AllPoints>()
 };
 
 /// Nothing is remembered.

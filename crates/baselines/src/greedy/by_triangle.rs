@@ -2,12 +2,12 @@
 //! errors are looked through for the largest. Source: algorithm II of Garland & Heckbert 1995. Time O(m n)
 //! for m vertices of n samples: what remains of it is the search. Memory: a number and an error a sample.
 
-use super::{GREEDY, Search, run};
+use super::{Search, method};
 use crate::candidate::Candidate;
 use crate::grid::Sample;
 use crate::mesh::{Mesh, State};
+use crate::method::Method;
 use crate::plane::Plane;
-use crate::registry::Method;
 use crate::task::Task;
 use terrane_base::geom::predicates::orient;
 
@@ -17,8 +17,7 @@ pub(crate) const GREEDY_2: Method = Method {
     time: "O(m n), expected",
     memory: "the grid, the mesh, and lists of samples by triangle",
     sample_bytes: 500,
-    run: |task| run::<ByTriangle>(task),
-    ..GREEDY
+    ..method::<ByTriangle>()
 };
 
 /// Samples by triangle; one on an edge is listed once, on either side.

@@ -4,11 +4,11 @@
 
 use std::collections::BinaryHeap;
 
-use super::{GREEDY, Search, run};
+use super::{Search, method};
 use crate::candidate::Candidate;
 use crate::grid::Sample;
 use crate::mesh::Mesh;
-use crate::registry::Method;
+use crate::method::Method;
 use crate::task::Task;
 
 pub(crate) const GREEDY_4: Method = Method {
@@ -17,8 +17,7 @@ pub(crate) const GREEDY_4: Method = Method {
     time: "O((m + n) log m), expected",
     memory: "the grid, the mesh, and a heap of triangles",
     sample_bytes: 220,
-    run: |task| run::<Candidates>(task),
-    ..GREEDY
+    ..method::<Candidates>()
 };
 
 /// The worst sample of each triangle. What has changed since is told by the triangle's stamp and thrown

@@ -21,7 +21,7 @@ pub(crate) use point_heap::GREEDY_3;
 use crate::candidate::Candidate;
 use crate::grid::Sample;
 use crate::mesh::Mesh;
-use crate::registry::{Method, Promise};
+use crate::method::{Method, Promise};
 use crate::result::Tin;
 use crate::task::{Size, Task};
 use terrane_base::error::Result;
@@ -59,19 +59,21 @@ fn insert<S: Search>(task: &Task<'_>, mesh: &mut Mesh, mut note: impl FnMut(Samp
 }
 
 /// What the versions have in common, to be completed.
-const GREEDY: Method = Method {
-    name: "",
-    about: "",
-    source: "Garland & Heckbert 1995",
-    time: "",
-    memory: "",
-    promise: Promise::Samples,
-    takes_triangulation: true,
-    is_delaunay: true,
-    takes_budget: true,
-    sample_bytes: 0,
-    run: |task| run::<all_points::AllPoints>(task),
-};
+const fn method<S: Search>() -> Method {
+    Method {
+        name: "",
+        about: "",
+        source: "Garland & Heckbert 1995",
+        time: "",
+        memory: "",
+        promise: Promise::Samples,
+        takes_triangulation: true,
+        is_delaunay: true,
+        takes_budget: true,
+        sample_bytes: 0,
+        run: run::<S>,
+    }
+}
 
 #[cfg(test)]
 mod tests;

@@ -3,12 +3,12 @@
 //! 1973 and Heller 1990. Time O((m + n) log m log n) expected for m vertices of n samples. Memory: twenty
 //! bytes a sample.
 
-use super::{GREEDY, Search, run};
+use super::{Search, method};
 use crate::candidate::Candidate;
 use crate::grid::Sample;
 use crate::mesh::Mesh;
+use crate::method::Method;
 use crate::plane::Plane;
-use crate::registry::Method;
 use crate::task::Task;
 
 pub(crate) const GREEDY_3: Method = Method {
@@ -17,8 +17,7 @@ pub(crate) const GREEDY_3: Method = Method {
     time: "O((m + n) log m log n), expected",
     memory: "the grid, the mesh, and a heap of all samples",
     sample_bytes: 200,
-    run: |task| run::<PointHeap>(task),
-    ..GREEDY
+    ..method::<PointHeap>()
 };
 
 /// A binary heap of all samples, the greatest on top, that knows where each of them is.
