@@ -2,8 +2,8 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::table::{Field, Kind, Shape};
-use crate::{Options, Table};
+use crate::table::{Field, Kind, Shape, Table};
+use crate::visit::Options;
 use terrane_base::error::{Error, Result};
 
 /// Options with these values by name, all others at their defaults. A value of `null` is none.

@@ -60,27 +60,12 @@ mod codec;
 mod fill;
 mod rules;
 mod table;
+mod visit;
 
 pub use codec::{AnyValue, Choice, Codec, Plain, Seen, SetValue, Settable, read_text};
 pub use fill::{changed, fill, noted, set_texts, settled, texts_of, to_map};
-pub use rules::{Rule, assert_rules, check, check_given, check_planned};
+pub use rules::{assert_rules, check, check_given, check_planned};
 pub use serde_json::Value as Json;
-pub use table::{Entry, Field, Kind, Named, Range, Role, Shape, Table};
+pub use table::{Entry, Field, Kind, Named, Range, Role, Rule, Shape, Table};
 pub use terrane_derive::{Choice, Options};
-
-/// Looks at a value and the name of its field.
-pub type Visit<'a> = dyn FnMut(&'static str, &dyn AnyValue) + 'a;
-/// The same to change it.
-pub type VisitMut<'a> = dyn FnMut(&'static str, &mut dyn SetValue) + 'a;
-
-/// A struct of options; derived, never written by hand.
-pub trait Options: Default {
-    /// All that is said of the fields.
-    const TABLE: &'static Table;
-
-    /// Looks at all values, those of groups among them, in the order of the table.
-    fn visit(&self, visit: &mut Visit<'_>);
-
-    /// The same to change them.
-    fn visit_mut(&mut self, visit: &mut VisitMut<'_>);
-}
+pub use visit::{Options, Visit, VisitMut};

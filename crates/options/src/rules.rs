@@ -2,20 +2,11 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::{AnyValue, Field, Kind, Options, Role, Table, texts_of, to_map};
+use crate::codec::AnyValue;
+use crate::fill::{texts_of, to_map};
+use crate::table::{Field, Kind, Role, Rule, Table};
+use crate::visit::Options;
 use terrane_base::error::{Error, Result};
-
-/// What options go with what. A term is the name of an option that is not at its default, or `name=value`, which of several
-/// values is one, or `name!=value`, which is another.
-#[derive(Clone, Copy, Debug)]
-pub enum Rule {
-    /// Exactly one of these, which say what the second field names.
-    OneOf(&'static [&'static str], &'static str),
-    /// The first one cannot be used with any of the others.
-    NotWith(&'static str, &'static [&'static str]),
-    /// The first one acts with one of the others only.
-    Needs(&'static str, &'static [&'static str]),
-}
 
 /// Fails to compile where a rule names an option that there is not; for a `const` block.
 ///

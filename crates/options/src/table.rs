@@ -2,8 +2,6 @@
 
 use serde_json::Value as Json;
 
-use crate::Rule;
-
 /// A named value of a choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Named {
@@ -191,6 +189,18 @@ pub enum Entry {
     Field(Field),
     /// All fields of another table.
     Group(&'static Table),
+}
+
+/// What options go with what. A term is the name of an option that is not at its default, or `name=value`, which of several
+/// values is one, or `name!=value`, which is another.
+#[derive(Clone, Copy, Debug)]
+pub enum Rule {
+    /// Exactly one of these, which say what the second field names.
+    OneOf(&'static [&'static str], &'static str),
+    /// The first one cannot be used with any of the others.
+    NotWith(&'static str, &'static [&'static str]),
+    /// The first one acts with one of the others only.
+    Needs(&'static str, &'static [&'static str]),
 }
 
 /// The fields of a struct.

@@ -1,10 +1,13 @@
 //! What operations between systems are made of: the conversion from longitudes and latitudes, as PROJ
 //! spells it, the datum these are on, and what heights are.
 
-use super::definition::{Geographic, Horizontal, Projected, Vertical};
+use super::definition::{Definition, Geographic, Horizontal, Projected, Vertical};
+use super::geokeys::GeoKeys;
 use super::method::{Method, Role};
 use super::node::Node;
-use super::{Crs, GeoKeys, codes, wkt};
+use super::system::Crs;
+use super::unit::plain;
+use super::{codes, read, vertical, wkt, write};
 use crate::error::{Error, Result};
 use crate::geom::Spheroid;
 
@@ -133,7 +136,7 @@ impl Crs {
                 if let Horizontal::Geographic(own) = &mut horizontal {
                     own.is_3d = false;
                 }
-                wkt::from_text(&super::Definition { horizontal, vertical: None }.wkt())
+                wkt::from_text(&Definition { horizontal, vertical: None }.wkt())
             }
             (_, None) => self.clone(),
         };
@@ -155,7 +158,7 @@ impl Crs {
             (Some(up), _) => match self.to_wkt() {
                 Some(text) => {
                     let name = text.split('"').nth(1).unwrap_or_default();
-                    wkt::from_text(&super::write::compound(name, &text, &up))
+                    wkt::from_text(&write::compound(name, &text, &up))
                 }
                 None => plain,
             },
@@ -168,8 +171,8 @@ impl Vertical {
     fn heights(&self) -> Heights {
         Heights::Above {
             name: self.name.clone(),
-            datum: (self.datum.code.or_else(|| codes::vertical_datum(&self.datum.name)))
-                .ok_or_else(|| super::unit::plain(&self.datum.name)),
+            datum: (self.datum.code.or_else(|| vertical::datum_code(&self.datum.name)))
+                .ok_or_else(|| plain(&self.datum.name)),
             metres: self.unit.size,
             is_down: self.is_down,
         }
@@ -193,7 +196,7 @@ fn by_code(code: u32) -> Result<Conversion> {
             .find_map(|word| word.strip_prefix(name)?.strip_prefix('='))
             .unwrap_or_default()
     };
-    let (datum, is_degrees) = wkt::datum(&nodes).ok_or_else(|| no_place(of("proj")))?;
+    let (datum, is_degrees) = datum(&nodes).ok_or_else(|| no_place(of("proj")))?;
     match of("proj") {
         "longlat" if !is_degrees => return Err(grads()),
         "krovak" if faces_south(&nodes) => return Err(turned()),
@@ -211,6 +214,23 @@ fn by_code(code: u32) -> Result<Conversion> {
     // The unit of degrees is none of lengths.
     let kept = kept.map(|word| format!("+{word}")).collect::<Vec<_>>().join(" ");
     Ok(Conversion { proj: format!("{kept} {figure}"), datum })
+}
+
+/// The datum of the system of a text, and whether its angles are in degrees.
+fn datum(nodes: &[Node<'_>]) -> Option<(Datum, bool)> {
+    let node = read::find(nodes, &read::GEOGRAPHIC)?;
+    let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
+    let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
+    let known = Datum {
+        name: datum.name().to_owned(),
+        code: datum.code(),
+        axis: read::number(ellipsoid, 1.0)?,
+        flattening: ellipsoid.number(1)?,
+    };
+    match read::geographic(node).filter(|_| known.code.is_none()) {
+        Some(own) => Some((own.to_datum(), true)),
+        None => Some((known, read::is_in_degrees(node))),
+    }
 }
 
 fn no_place(kind: &str) -> Error {

@@ -3,14 +3,14 @@
 
 use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
 use super::method::{Method, Role};
+use super::system::{Crs, RASTER_TYPE};
 use super::unit::Unit;
-use super::{Crs, codes, wkt};
+use super::{codes, vertical, wkt};
 
 /// The tags that numbers and texts lie in.
 const GEO_DOUBLE_PARAMS: u16 = 34_736;
 const GEO_ASCII_PARAMS: u16 = 34_737;
 const MODEL_TYPE: u16 = 1024;
-const RASTER_TYPE: u16 = 1025;
 const CITATION: u16 = 1026;
 const GEODETIC_CRS: u16 = 2048;
 const GEODETIC_CITATION: u16 = 2049;
@@ -141,7 +141,7 @@ impl GeoKeys {
                 |unit| Vertical { name: unknown(), code: None, datum, unit, is_down: false };
             return self.vertical_unit().filter(|_| self.geographic() == Some(false)).map(nameless);
         };
-        let known = codes::vertical(code)?;
+        let known = vertical::by_code(code)?;
         let unit = self.vertical_unit().unwrap_or_else(|| known.unit.clone());
         let code = known.code.filter(|_| known.unit.is(&unit));
         Some(Vertical { code, unit, ..known })

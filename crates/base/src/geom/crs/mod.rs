@@ -15,63 +15,35 @@ mod definition;
 mod geokeys;
 mod method;
 mod node;
+mod read;
+mod system;
 #[cfg(test)]
 mod tests_of_keys;
 #[cfg(test)]
 mod tests_of_text;
 mod unit;
+mod vertical;
 pub mod wkt;
 mod write;
 
-use serde::{Deserialize, Serialize};
-
 use crate::error::{Error, Result};
 use definition::{Definition, Horizontal, Vertical};
+use read::Across;
 use unit::Unit;
 
-pub use codes::is_geographic;
 pub use conversion::{Conversion, Datum, Heights};
 pub use geokeys::GeoKeys;
+pub use system::Crs;
 
-/// GeoKey of what raster positions mean: maps account for it.
-const RASTER_TYPE: u16 = 1025;
-
-/// What x and y are counted in.
-enum Across {
-    Degrees,
-    Length(Unit),
+/// Whether the system of an EPSG code is of latitude and longitude; `None` where the code is unknown.
+pub fn is_geographic(code: u32) -> Option<bool> {
+    // The text may be bound to another system, which comes after its own.
+    Some(wkt::from_text(codes::text(code)?).geographic == Some(true))
 }
 
 /// Metres in the unit of length that people call `name`; `None` where it is not known.
 pub fn metres_in(name: &str) -> Option<f64> {
     Unit::named(name).map(|unit| unit.size)
-}
-
-/// A coordinate reference system as found in a file. Equality is of what the file said; whether two
-/// are one system is for [`agrees`](Crs::agrees) to tell.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Crs {
-    /// EPSG code of the horizontal system, where it is that system: none where units are overridden.
-    pub epsg: Option<u32>,
-    /// EPSG code of the vertical system, likewise.
-    pub vertical_epsg: Option<u32>,
-    /// Human-readable name (GeoTIFF citation, first name of a WKT).
-    pub citation: Option<String>,
-    /// Well-known text, where the file had it (a `.prj` sidecar).
-    pub wkt: Option<String>,
-    /// True for latitude/longitude.
-    pub geographic: Option<bool>,
-    /// Unit of z, when the file says it ("metre", "foot", ...).
-    pub vertical_unit: Option<String>,
-    /// The unit of z as the file spells it ("m", "METERS"), so that a copy spells it alike; `None`
-    /// where `vertical_unit` is that spelling.
-    pub vertical_unit_text: Option<String>,
-    /// Raw GeoKeyDirectory (tag 34735), kept so that a GeoTIFF copy carries it unchanged.
-    pub geo_keys: Vec<u16>,
-    /// Raw GeoDoubleParams (tag 34736).
-    pub geo_doubles: Vec<f64>,
-    /// Raw GeoAsciiParams (tag 34737).
-    pub geo_ascii: String,
 }
 
 impl Crs {
@@ -116,11 +88,6 @@ impl Crs {
         }
     }
 
-    /// Unit of z by the name that it was given; `None` where it has none.
-    pub fn heights_unit(&self) -> Option<&str> {
-        self.vertical_unit.as_deref().map(str::trim).filter(|unit| !unit.is_empty())
-    }
-
     /// Metres in one unit of x and y; `None` for degrees, and where nothing is known of it.
     pub fn horizontal_metres(&self) -> Option<f64> {
         match self.across()? {
@@ -144,15 +111,15 @@ impl Crs {
         if self.geographic == Some(true) {
             return Some(Across::Degrees);
         }
-        let by_text = self.wkt.as_deref().and_then(wkt::across);
+        let by_text = self.wkt.as_deref().and_then(read::across);
         by_text
             .or_else(|| GeoKeys::of(self).linear_unit().map(Across::Length))
-            .or_else(|| self.epsg.and_then(codes::text).and_then(wkt::across))
+            .or_else(|| self.epsg.and_then(codes::text).and_then(read::across))
     }
 
     /// What it means: x and y, and z.
     fn parts(&self) -> (Option<Horizontal>, Option<Vertical>) {
-        let (by_text, up_by_text) = self.wkt.as_deref().map(wkt::parts).unwrap_or_default();
+        let (by_text, up_by_text) = self.wkt.as_deref().map(read::parts).unwrap_or_default();
         let keys = GeoKeys::of(self);
         let horizontal = by_text.or_else(|| match (self.epsg, &self.wkt) {
             (Some(code), _) => codes::horizontal(code),
@@ -160,7 +127,7 @@ impl Crs {
             (None, Some(_)) => None,
         });
         let vertical = up_by_text.or_else(|| keys.vertical());
-        let vertical = vertical.or_else(|| self.vertical_epsg.and_then(codes::vertical));
+        let vertical = vertical.or_else(|| self.vertical_epsg.and_then(vertical::by_code));
         (horizontal, vertical.map(|own| self.in_unit_of_heights(own)))
     }
 
@@ -179,10 +146,10 @@ impl Crs {
         let (horizontal, vertical) = self.parts();
         let given = self.wkt.as_deref().map(str::trim).filter(|text| !text.is_empty());
         let known = given.or_else(|| codes::text(self.epsg?));
-        let is_whole = |text: &str| vertical.is_none() || wkt::parts(text).1 == vertical;
-        match (known.filter(|text| wkt::is_first_kind(text)), horizontal, &vertical) {
+        let is_whole = |text: &str| vertical.is_none() || read::parts(text).1 == vertical;
+        match (known.filter(|text| read::is_first_kind(text)), horizontal, &vertical) {
             (Some(text), ..) if is_whole(text) => Some(text.to_owned()),
-            (Some(text), _, Some(up)) if wkt::parts(text).1.is_none() => {
+            (Some(text), _, Some(up)) if read::parts(text).1.is_none() => {
                 Some(write::compound(text.split('"').nth(1).unwrap_or_default(), text, up))
             }
             (_, Some(horizontal), _) => Some(Definition { horizontal, vertical }.wkt()),
@@ -197,7 +164,7 @@ impl Crs {
             None if self.is_named() => {
                 Some(format!("the CRS ({label}) is of a kind that cannot be written as text"))
             }
-            Some(text) if self.has_vertical() && wkt::parts(&text).1.is_none() => {
+            Some(text) if self.has_vertical() && read::parts(&text).1.is_none() => {
                 let code = self.vertical_epsg.map(|code| format!(" EPSG:{code}"));
                 let code = code.unwrap_or_default();
                 Some(format!("the vertical system{code} is not known and cannot be written"))
@@ -263,24 +230,6 @@ impl Crs {
         is_another || matches!(heights, (Some(a), Some(b)) if a != b)
     }
 
-    /// The same in what the files say, where it is not known what that means.
-    fn says_the_same(&self, other: &Self) -> bool {
-        if !self.geo_keys.is_empty() && !other.geo_keys.is_empty() {
-            return self.keys().eq(other.keys())
-                && self.geo_doubles == other.geo_doubles
-                && self.geo_ascii == other.geo_ascii;
-        }
-        let plain = |text: &Option<String>| text.as_deref().map(unit::plain);
-        plain(&self.wkt) == plain(&other.wkt)
-            && (&self.citation, self.geographic) == (&other.citation, other.geographic)
-    }
-
-    /// The GeoKeys that hold their value, but for what raster positions mean.
-    fn keys(&self) -> impl Iterator<Item = &[u16]> {
-        let entries = self.geo_keys.get(4..).unwrap_or_default().chunks_exact(4);
-        entries.filter(|entry| entry[0] != RASTER_TYPE && entry[1] == 0)
-    }
-
     /// Fails unless a file with `what` is in the system of this grid, as far as both tell.
     pub fn check_same(&self, other: &Self, what: &str) -> Result<()> {
         self.check_same_of("grid", other, what)
@@ -330,21 +279,6 @@ impl Crs {
         let mut facts = horizontal.map_or_else(Vec::new, |own| own.facts());
         facts.extend(vertical.map(|own| ("heights", format!("{} in {}", own.name, own.unit.name))));
         facts
-    }
-
-    /// True when nothing at all is known.
-    pub fn is_unknown(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// True when the file says where on Earth x and y are, or at least what they are called.
-    pub fn is_named(&self) -> bool {
-        self.epsg.is_some()
-            || self.vertical_epsg.is_some()
-            || self.citation.is_some()
-            || self.wkt.is_some()
-            || self.geographic.is_some()
-            || self.keys().next().is_some()
     }
 }
 
@@ -507,7 +441,7 @@ mod tests {
             );
             let horizontal = Horizontal::Projected(own.unwrap());
             let text = Definition { horizontal: horizontal.clone(), vertical: None }.wkt();
-            let (found, _) = wkt::parts(&text);
+            let (found, _) = read::parts(&text);
             assert!(found.is_some_and(|found| found.same(&horizontal)), "{text}");
         }
     }

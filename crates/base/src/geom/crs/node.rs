@@ -185,6 +185,11 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// A text in quotation marks.
+pub(super) fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -117,7 +117,7 @@ fn codes_are_of_systems_of_longitude_and_latitude_or_not() {
     for code in [4326, 4327, 4937] {
         assert_eq!(codes::geographic(code).unwrap().code, Some(code));
     }
-    let is_down = [5714, 5715].map(|code| codes::vertical(code).unwrap().is_down);
+    let is_down = [5714, 5715].map(|code| vertical::by_code(code).unwrap().is_down);
     assert_eq!(is_down, [false, true], "heights and depths");
 }
 
@@ -283,7 +283,7 @@ fn text_of_the_first_kind_is_told_by_its_first_word() {
         ("VERT_CS[", false),
         ("", false),
     ] {
-        assert_eq!(wkt::is_first_kind(text), is_first, "{text}");
+        assert_eq!(read::is_first_kind(text), is_first, "{text}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Units of length, by their names, EPSG codes and sizes.
 
-use super::node::Node;
+use super::node::{Node, quoted};
 
 /// A unit of length.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,12 +78,7 @@ impl Unit {
     pub(super) fn wkt(&self) -> String {
         let known = KNOWN.iter().find(|known| known.1 == self.name);
         let code = known.map(|known| format!(",AUTHORITY[\"EPSG\",\"{}\"]", known.0));
-        format!(
-            "UNIT[{},{}{}]",
-            super::write::quoted(&self.name),
-            self.size,
-            code.unwrap_or_default()
-        )
+        format!("UNIT[{},{}{}]", quoted(&self.name), self.size, code.unwrap_or_default())
     }
 }
 

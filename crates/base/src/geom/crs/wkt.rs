@@ -1,28 +1,13 @@
-//! Well-known text of coordinate reference systems, in any dialect: which system it is, and what it
-//! means.
+//! Systems from well-known text, and from names of codes.
 
-use super::conversion::Datum;
-use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
-use super::method::{Method, Role};
+use super::definition::Horizontal;
 use super::node::Node;
-use super::unit::Unit;
-use super::{Across, Crs, codes};
+use super::read::{GEOGRAPHIC, LOCAL, PROJECTED, VERTICAL, find, horizontal_in, is_geocentric};
+use super::system::Crs;
+use super::{codes, read, vertical};
 
-/// Keywords of systems of longitude and latitude.
-const GEOGRAPHIC: [&str; 7] =
-    ["GEOGCS", "GEOGCRS", "GEODCRS", "GEOGRAPHICCRS", "GEODETICCRS", "BASEGEOGCRS", "BASEGEODCRS"];
-/// Keywords of projected systems.
-const PROJECTED: [&str; 3] = ["PROJCS", "PROJCRS", "PROJECTEDCRS"];
-/// Keywords of systems without a place on Earth.
-const LOCAL: [&str; 3] = ["LOCAL_CS", "ENGCRS", "ENGINEERINGCRS"];
-/// Keywords of vertical systems.
-const VERTICAL: [&str; 4] = ["VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS"];
 /// Keywords of systems that hold others or are none of these.
 const OTHER: [&str; 4] = ["COMPD_CS", "COMPOUNDCRS", "BOUNDCRS", "GEOCCS"];
-const LENGTHS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
-const ANGLES: [&str; 2] = ["UNIT", "ANGLEUNIT"];
-/// A degree in radians.
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// From well-known text; other text (the old "Projection UTM" form) becomes the name alone.
 pub fn from_text(text: &str) -> Crs {
@@ -33,10 +18,10 @@ pub fn from_text(text: &str) -> Crs {
         return Crs { citation: name, ..Crs::default() };
     }
     let nodes = Node::all(text).unwrap_or_default();
-    let horizontal = find(&nodes, &[&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat());
-    let meaning = horizontal.and_then(self::horizontal);
+    let horizontal = horizontal_in(&nodes);
+    let meaning = horizontal.and_then(read::horizontal);
     let vertical = find(&nodes, &VERTICAL);
-    let height = vertical.and_then(self::vertical);
+    let height = vertical.and_then(read::vertical);
     let name = text.split('"').nth(1).unwrap_or_default();
     let own = horizontal.or(nodes.first());
     let epsg = own.and_then(Node::code).or_else(|| esri_code(own.map_or(name, Node::name)));
@@ -64,162 +49,6 @@ pub fn from_text(text: &str) -> Crs {
         vertical_unit: height.map(|own| own.unit.name).or(ellipsoidal),
         ..Crs::default()
     }
-}
-
-fn find<'n, 'a>(nodes: &'n [Node<'a>], keywords: &[&str]) -> Option<&'n Node<'a>> {
-    nodes.iter().find_map(|node| node.find(keywords))
-}
-
-/// True for x, y and z from the centre of the Earth.
-fn is_geocentric(node: &Node<'_>) -> bool {
-    node.child(&["CS"]).is_some_and(|system| system.has_word("Cartesian"))
-}
-
-/// What a text says of x and y, and of z, as far as it can be told.
-pub(super) fn parts(text: &str) -> (Option<Horizontal>, Option<Vertical>) {
-    let nodes = Node::all(text).unwrap_or_default();
-    let systems = [&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat();
-    let horizontal = find(&nodes, &systems).and_then(horizontal);
-    (horizontal, find(&nodes, &VERTICAL).and_then(vertical))
-}
-
-/// True for text of the first kind, which readers of `.prj` files know.
-pub(super) fn is_first_kind(text: &str) -> bool {
-    let keyword = text.split(['[', '(']).next().unwrap_or_default().trim().to_uppercase();
-    ["GEOGCS", "PROJCS", "LOCAL_CS", "COMPD_CS", "GEOCCS"].contains(&keyword.as_str())
-}
-
-/// What x and y of a text are counted in.
-pub(super) fn across(text: &str) -> Option<Across> {
-    let nodes = Node::all(text)?;
-    let node = find(&nodes, &[&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat())?;
-    match node.is(&GEOGRAPHIC) {
-        true => is_in_degrees(node).then_some(Across::Degrees),
-        false => length(node).map(Across::Length),
-    }
-}
-
-/// What the node of a horizontal system, or of one that holds one, means.
-pub(super) fn horizontal(node: &Node<'_>) -> Option<Horizontal> {
-    let node = node.find(&[&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat())?;
-    if node.is(&PROJECTED) {
-        return projected(node).map(Horizontal::Projected);
-    }
-    if node.is(&LOCAL) {
-        let unit = length(node).unwrap_or_else(Unit::metre);
-        return Some(Horizontal::Local { name: node.name().to_owned(), unit });
-    }
-    geographic(node).map(Horizontal::Geographic)
-}
-
-fn geographic(node: &Node<'_>) -> Option<Geographic> {
-    if is_geocentric(node) || !is_in_degrees(node) {
-        return None;
-    }
-    let of = |node: &Node<'_>| Named { name: node.name().to_owned(), code: node.code() };
-    let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
-    let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
-    let meridian = node.child(&["PRIMEM", "PRIMEMERIDIAN"]);
-    let system = node.child(&["CS"]);
-    let axes = node.children().filter(|child| child.is(&["AXIS"])).count();
-    Some(Geographic {
-        name: node.name().to_owned(),
-        code: node.code(),
-        datum: of(datum),
-        ellipsoid: of(ellipsoid),
-        axis: number(ellipsoid, 1.0)?,
-        flattening: ellipsoid.number(1)?,
-        meridian: meridian.map_or("Greenwich", Node::name).to_owned(),
-        from_greenwich: meridian.map_or(Some(0.0), |m| number(m, 1.0 / DEGREE))?,
-        is_3d: node.child(&["LINUNIT"]).is_some()
-            || axes == 3
-            || system.is_some_and(|system| system.number(0) == Some(3.0)),
-    })
-}
-
-/// The datum of the system of a text, and whether its angles are in degrees.
-pub(super) fn datum(nodes: &[Node<'_>]) -> Option<(Datum, bool)> {
-    let node = find(nodes, &GEOGRAPHIC)?;
-    let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
-    let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
-    let known = Datum {
-        name: datum.name().to_owned(),
-        code: datum.code(),
-        axis: number(ellipsoid, 1.0)?,
-        flattening: ellipsoid.number(1)?,
-    };
-    match geographic(node).filter(|_| known.code.is_none()) {
-        Some(own) => Some((own.to_datum(), true)),
-        None => Some((known, is_in_degrees(node))),
-    }
-}
-
-/// True unless angles are in something else, such as grads.
-fn is_in_degrees(node: &Node<'_>) -> bool {
-    let own = node.child(&ANGLES);
-    let unit = own.or_else(|| node.child(&["AXIS"])?.child(&ANGLES));
-    unit.and_then(|unit| unit.number(0)).is_none_or(|size| (size / DEGREE - 1.0).abs() < 1e-9)
-}
-
-/// The number of a node, in its own unit where it has one: times `scale` then.
-fn number(node: &Node<'_>, scale: f64) -> Option<f64> {
-    let value = node.number(0)?;
-    let unit = node.child(&["ANGLEUNIT", "LENGTHUNIT", "SCALEUNIT", "UNIT"]);
-    let ratio = unit.and_then(|unit| unit.number(0)).map_or(1.0, |size| size * scale);
-    // Units are rounded: of the same one the number is left alone.
-    Some(if (ratio - 1.0).abs() < 1e-9 { value } else { value * ratio })
-}
-
-fn projected(node: &Node<'_>) -> Option<Projected> {
-    if node.child(&["EXTENSION"]).is_some() {
-        return None;
-    }
-    let base = geographic(node.child(&GEOGRAPHIC)?)?;
-    let unit = length(node)?;
-    let conversion = node.child(&["CONVERSION"]).unwrap_or(node);
-    let mut given = Vec::new();
-    for parameter in conversion.children().filter(|child| child.is(&["PARAMETER"])) {
-        let role = Role::of_name(parameter.name())?;
-        let scale = match role {
-            Role::Scale => 1.0,
-            role if role.is_length() => 1.0 / unit.size,
-            _ => 1.0 / DEGREE,
-        };
-        given.push((role, number(parameter, scale)?));
-    }
-    let value = |role| given.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
-    let method = conversion.child(&["PROJECTION", "METHOD"])?.name();
-    let method = Method::of_name(method, |role| value(role).is_some())?;
-    Projected::new((node.name().to_owned(), node.code()), base, method, value, unit)
-}
-
-/// The unit of lengths of a system: its own, or that of its first axis.
-fn length(node: &Node<'_>) -> Option<Unit> {
-    let unit = node.child(&LENGTHS).or_else(|| node.child(&["AXIS"])?.child(&LENGTHS))?;
-    Unit::of_node(unit)
-}
-
-/// What the node of a vertical system means.
-fn vertical(node: &Node<'_>) -> Option<Vertical> {
-    let known = node.code().and_then(codes::vertical);
-    let datum = ["VERT_DATUM", "VDATUM", "VRF", "VERTICALDATUM", "DATUM", "ENSEMBLE"];
-    let datum = node.child(&datum);
-    let axis = node.child(&["AXIS"]);
-    let turned = |child: &Node<'_>| {
-        child.is(&["PARAMETER"]) && child.name() == "Direction" && child.number(0) == Some(-1.0)
-    };
-    let unit = length(node).or(known.as_ref().map(|known| known.unit.clone()))?;
-    let code = node.code().filter(|_| known.is_none_or(|known| known.unit.is(&unit)));
-    Some(Vertical {
-        name: node.name().to_owned(),
-        code,
-        datum: datum.map_or_else(Named::default, |datum| Named {
-            name: datum.name().to_owned(),
-            code: datum.code(),
-        }),
-        unit,
-        is_down: axis.is_some_and(|axis| axis.has_word("DOWN")) || node.children().any(turned),
-    })
 }
 
 /// From well-known text, or from a name such as "EPSG:4326" or "EPSG:6339+6360"; unknown where the
@@ -271,7 +100,7 @@ pub(super) fn of_code(code: u32) -> Crs {
 
 /// The systems of two codes, of x and y and of z.
 pub(super) fn of_codes(code: u32, vertical: u32) -> Crs {
-    let unit = codes::vertical(vertical).map(|known| known.unit.name);
+    let unit = vertical::by_code(vertical).map(|known| known.unit.name);
     Crs { vertical_epsg: Some(vertical), vertical_unit: unit, ..of_code(code) }
 }
 

@@ -1,11 +1,7 @@
 //! Definitions as well-known text of the first kind, which every reader of `.prj` files knows.
 
 use super::definition::{Definition, Geographic, Horizontal, Named, Projected, Vertical};
-
-/// A text in quotation marks.
-pub(super) fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\""))
-}
+use super::node::quoted;
 
 fn authority(code: Option<u32>) -> String {
     code.map(|code| format!(",AUTHORITY[\"EPSG\",\"{code}\"]")).unwrap_or_default()

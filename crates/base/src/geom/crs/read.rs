@@ -1,0 +1,170 @@
+//! What the nodes of well-known text mean, in any dialect.
+
+use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
+use super::method::{Method, Role};
+use super::node::Node;
+use super::unit::Unit;
+use super::vertical;
+
+/// Keywords of systems of longitude and latitude.
+pub(super) const GEOGRAPHIC: [&str; 7] =
+    ["GEOGCS", "GEOGCRS", "GEODCRS", "GEOGRAPHICCRS", "GEODETICCRS", "BASEGEOGCRS", "BASEGEODCRS"];
+/// Keywords of projected systems.
+pub(super) const PROJECTED: [&str; 3] = ["PROJCS", "PROJCRS", "PROJECTEDCRS"];
+/// Keywords of systems without a place on Earth.
+pub(super) const LOCAL: [&str; 3] = ["LOCAL_CS", "ENGCRS", "ENGINEERINGCRS"];
+/// Keywords of vertical systems.
+pub(super) const VERTICAL: [&str; 4] = ["VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS"];
+const LENGTHS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
+const ANGLES: [&str; 2] = ["UNIT", "ANGLEUNIT"];
+/// A degree in radians.
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// What x and y are counted in.
+pub(super) enum Across {
+    Degrees,
+    Length(Unit),
+}
+
+/// The first of these nodes, or of those within them, that has one of these keywords.
+pub(super) fn find<'n, 'a>(nodes: &'n [Node<'a>], keywords: &[&str]) -> Option<&'n Node<'a>> {
+    nodes.iter().find_map(|node| node.find(keywords))
+}
+
+/// The node of the system of x and y.
+pub(super) fn horizontal_in<'n, 'a>(nodes: &'n [Node<'a>]) -> Option<&'n Node<'a>> {
+    find(nodes, &[&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat())
+}
+
+/// True for x, y and z from the centre of the Earth.
+pub(super) fn is_geocentric(node: &Node<'_>) -> bool {
+    node.child(&["CS"]).is_some_and(|system| system.has_word("Cartesian"))
+}
+
+/// What a text says of x and y, and of z, as far as it can be told.
+pub(super) fn parts(text: &str) -> (Option<Horizontal>, Option<Vertical>) {
+    let nodes = Node::all(text).unwrap_or_default();
+    (horizontal_in(&nodes).and_then(horizontal), find(&nodes, &VERTICAL).and_then(vertical))
+}
+
+/// True for text of the first kind, which readers of `.prj` files know.
+pub(super) fn is_first_kind(text: &str) -> bool {
+    let keyword = text.split(['[', '(']).next().unwrap_or_default().trim().to_uppercase();
+    ["GEOGCS", "PROJCS", "LOCAL_CS", "COMPD_CS", "GEOCCS"].contains(&keyword.as_str())
+}
+
+/// What x and y of a text are counted in.
+pub(super) fn across(text: &str) -> Option<Across> {
+    let nodes = Node::all(text)?;
+    let node = horizontal_in(&nodes)?;
+    match node.is(&GEOGRAPHIC) {
+        true => is_in_degrees(node).then_some(Across::Degrees),
+        false => length(node).map(Across::Length),
+    }
+}
+
+/// What the node of a horizontal system, or of one that holds one, means.
+pub(super) fn horizontal(node: &Node<'_>) -> Option<Horizontal> {
+    let node = horizontal_in(std::slice::from_ref(node))?;
+    if node.is(&PROJECTED) {
+        return projected(node).map(Horizontal::Projected);
+    }
+    if node.is(&LOCAL) {
+        let unit = length(node).unwrap_or_else(Unit::metre);
+        return Some(Horizontal::Local { name: node.name().to_owned(), unit });
+    }
+    geographic(node).map(Horizontal::Geographic)
+}
+
+pub(super) fn geographic(node: &Node<'_>) -> Option<Geographic> {
+    if is_geocentric(node) || !is_in_degrees(node) {
+        return None;
+    }
+    let of = |node: &Node<'_>| Named { name: node.name().to_owned(), code: node.code() };
+    let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
+    let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
+    let meridian = node.child(&["PRIMEM", "PRIMEMERIDIAN"]);
+    let system = node.child(&["CS"]);
+    let axes = node.children().filter(|child| child.is(&["AXIS"])).count();
+    Some(Geographic {
+        name: node.name().to_owned(),
+        code: node.code(),
+        datum: of(datum),
+        ellipsoid: of(ellipsoid),
+        axis: number(ellipsoid, 1.0)?,
+        flattening: ellipsoid.number(1)?,
+        meridian: meridian.map_or("Greenwich", Node::name).to_owned(),
+        from_greenwich: meridian.map_or(Some(0.0), |m| number(m, 1.0 / DEGREE))?,
+        is_3d: node.child(&["LINUNIT"]).is_some()
+            || axes == 3
+            || system.is_some_and(|system| system.number(0) == Some(3.0)),
+    })
+}
+
+/// True unless angles are in something else, such as grads.
+pub(super) fn is_in_degrees(node: &Node<'_>) -> bool {
+    let own = node.child(&ANGLES);
+    let unit = own.or_else(|| node.child(&["AXIS"])?.child(&ANGLES));
+    unit.and_then(|unit| unit.number(0)).is_none_or(|size| (size / DEGREE - 1.0).abs() < 1e-9)
+}
+
+/// The number of a node, in its own unit where it has one: times `scale` then.
+pub(super) fn number(node: &Node<'_>, scale: f64) -> Option<f64> {
+    let value = node.number(0)?;
+    let unit = node.child(&["ANGLEUNIT", "LENGTHUNIT", "SCALEUNIT", "UNIT"]);
+    let ratio = unit.and_then(|unit| unit.number(0)).map_or(1.0, |size| size * scale);
+    // Units are rounded: of the same one the number is left alone.
+    Some(if (ratio - 1.0).abs() < 1e-9 { value } else { value * ratio })
+}
+
+fn projected(node: &Node<'_>) -> Option<Projected> {
+    if node.child(&["EXTENSION"]).is_some() {
+        return None;
+    }
+    let base = geographic(node.child(&GEOGRAPHIC)?)?;
+    let unit = length(node)?;
+    let conversion = node.child(&["CONVERSION"]).unwrap_or(node);
+    let mut given = Vec::new();
+    for parameter in conversion.children().filter(|child| child.is(&["PARAMETER"])) {
+        let role = Role::of_name(parameter.name())?;
+        let scale = match role {
+            Role::Scale => 1.0,
+            role if role.is_length() => 1.0 / unit.size,
+            _ => 1.0 / DEGREE,
+        };
+        given.push((role, number(parameter, scale)?));
+    }
+    let value = |role| given.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
+    let method = conversion.child(&["PROJECTION", "METHOD"])?.name();
+    let method = Method::of_name(method, |role| value(role).is_some())?;
+    Projected::new((node.name().to_owned(), node.code()), base, method, value, unit)
+}
+
+/// The unit of lengths of a system: its own, or that of its first axis.
+fn length(node: &Node<'_>) -> Option<Unit> {
+    let unit = node.child(&LENGTHS).or_else(|| node.child(&["AXIS"])?.child(&LENGTHS))?;
+    Unit::of_node(unit)
+}
+
+/// What the node of a vertical system means.
+pub(super) fn vertical(node: &Node<'_>) -> Option<Vertical> {
+    let known = node.code().and_then(vertical::by_code);
+    let datum = ["VERT_DATUM", "VDATUM", "VRF", "VERTICALDATUM", "DATUM", "ENSEMBLE"];
+    let datum = node.child(&datum);
+    let axis = node.child(&["AXIS"]);
+    let turned = |child: &Node<'_>| {
+        child.is(&["PARAMETER"]) && child.name() == "Direction" && child.number(0) == Some(-1.0)
+    };
+    let unit = length(node).or(known.as_ref().map(|known| known.unit.clone()))?;
+    let code = node.code().filter(|_| known.is_none_or(|known| known.unit.is(&unit)));
+    Some(Vertical {
+        name: node.name().to_owned(),
+        code,
+        datum: datum.map_or_else(Named::default, |datum| Named {
+            name: datum.name().to_owned(),
+            code: datum.code(),
+        }),
+        unit,
+        is_down: axis.is_some_and(|axis| axis.has_word("DOWN")) || node.children().any(turned),
+    })
+}
