@@ -1,11 +1,12 @@
 //! The parts of a layered chunk: the first record, how many points there are, and the layers.
 
+use super::chunk::{Chunk, Damage, Layer};
 use super::coder::Coder;
+use super::fields::Wanted;
 use super::machine::Plain;
 use super::point::RECORD;
 use super::schema::Layers;
 use super::streams::{RestStreams, Streams};
-use super::{Chunk, Damage, Layer, Wanted};
 
 /// Layers of the part of a record that all formats share.
 const SHARED: usize = 9;

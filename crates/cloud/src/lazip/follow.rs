@@ -1,7 +1,7 @@
 //! What follows the point in records, item by item. Each is told by what it was in the last record, whose
 //! bytes are made those of the next.
 
-use super::Layer;
+use super::chunk::Layer;
 use super::coder::Coder;
 use super::colour::{Colour, Infrared, OldColour};
 use super::machine::Machine;
@@ -23,14 +23,6 @@ pub(super) enum Follow {
 }
 
 impl Follow {
-    /// Whether the item is one of those of formats 0 to 5.
-    pub(super) fn is_known(item: &Item) -> bool {
-        matches!(
-            (item.kind, item.size, item.version),
-            (7, 8, 1 | 2) | (8, 6, 1 | 2) | (9, 29, 1 | 2) | (0, 1.., 2)
-        )
-    }
-
     /// Nothing, of an item that is known.
     pub(super) fn new(item: &Item) -> Self {
         match (item.kind, item.version) {

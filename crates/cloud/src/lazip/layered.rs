@@ -1,6 +1,8 @@
 //! Chunks of point formats 6 to 10: each group of fields is a layer, a stream of its own.
 
 use super::body::Body;
+use super::chunk::{Chunk, Damage};
+use super::fields::{Fields, Wanted};
 use super::heights::Heights;
 use super::machine::{Machine, Plain, Work, run};
 use super::marks::{Class, Flag, Marks};
@@ -10,7 +12,6 @@ use super::rest::{self, Rest};
 use super::schema::Layers;
 use super::streams::Streams;
 use super::trace::Trace;
-use super::{Chunk, Damage, Fields, Wanted};
 
 /// What is kept from chunk to chunk, to be used again.
 #[derive(Default)]

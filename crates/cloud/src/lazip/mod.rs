@@ -28,8 +28,10 @@
 mod attributes;
 mod body;
 mod channels;
+mod chunk;
 mod coder;
 mod colour;
+mod fields;
 mod follow;
 mod heights;
 mod integer;
@@ -52,194 +54,12 @@ mod time;
 mod trace;
 
 use layered::Layered;
-use point::Point;
 use pointwise::Pointwise;
 use schema::Layout;
-use std::fmt;
 
+pub use chunk::{Chunk, Damage, Layer};
+pub use fields::{Fields, Wanted};
 pub use schema::{Item, Schema};
-
-/// Which fields to decode besides x, y and the return numbers. Those left out cost nothing where
-/// fields are layers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
-    /// The height.
-    pub z: bool,
-    /// The class.
-    pub class: bool,
-    /// The flags.
-    pub flags: bool,
-    /// Whole records, which hold all of these and whatever else there is.
-    pub records: bool,
-}
-
-impl Wanted {
-    /// Every field that has a column of its own.
-    pub const ALL: Self = Self { z: true, class: true, flags: true, records: false };
-    /// Whole records, and every field that has a column of its own.
-    pub const RECORDS: Self = Self { records: true, ..Self::ALL };
-}
-
-/// Fields of points, an element per point; those that are not wanted hold no meaning.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Fields {
-    /// x, y, z as stored.
-    pub places: Vec<[i32; 3]>,
-    /// Classes.
-    pub classes: Vec<u8>,
-    /// Return number in the low half, number of returns of the pulse in the high half.
-    pub returns: Vec<u8>,
-    /// Synthetic (1), key point (2), withheld (4), overlap (8), scan direction (16), edge of flight
-    /// line (32).
-    pub flags: Vec<u8>,
-    /// Whole records, one after another, if they are wanted, and nothing otherwise.
-    pub records: Vec<u8>,
-}
-
-/// How much of [`Fields`] was there.
-#[derive(Clone, Copy)]
-struct Mark {
-    points: usize,
-    bytes: usize,
-}
-
-impl Fields {
-    /// How many points there are.
-    pub fn len(&self) -> usize {
-        self.places.len()
-    }
-
-    /// Whether there is no point.
-    pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
-    }
-
-    /// Removes all points, and keeps their room.
-    pub fn clear(&mut self) {
-        self.truncate(Mark { points: 0, bytes: 0 });
-    }
-
-    fn mark(&self) -> Mark {
-        Mark { points: self.len(), bytes: self.records.len() }
-    }
-
-    fn truncate(&mut self, Mark { points, bytes }: Mark) {
-        self.places.truncate(points);
-        self.classes.truncate(points);
-        self.returns.truncate(points);
-        self.flags.truncate(points);
-        self.records.truncate(bytes);
-    }
-
-    /// Makes room for `count` more points, which are still to be filled in; returns the first.
-    fn grow(&mut self, count: usize) -> usize {
-        let (from, to) = (self.len(), self.len() + count);
-        self.places.resize(to, [0; 3]);
-        self.classes.resize(to, 0);
-        self.returns.resize(to, 0);
-        self.flags.resize(to, 0);
-        from
-    }
-
-    fn reserve(&mut self, count: usize) {
-        self.places.reserve(count);
-        self.classes.reserve(count);
-        self.returns.reserve(count);
-        self.flags.reserve(count);
-    }
-
-    #[inline(always)]
-    fn push(&mut self, point: &Point) {
-        self.places.push(point.place);
-        self.classes.push(point.class);
-        self.returns.push(point.returns.0);
-        self.flags.push(point.flags);
-    }
-}
-
-/// A compressed chunk.
-#[derive(Clone, Copy, Debug)]
-pub struct Chunk<'a> {
-    /// Its bytes, from the record of the first point on; bytes that follow are passed over.
-    pub bytes: &'a [u8],
-    /// How many points to decode.
-    pub count: usize,
-}
-
-/// A stream within a chunk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layer {
-    /// x, y, return numbers, scanner channel.
-    Places,
-    /// z.
-    Heights,
-    /// Classes.
-    Classes,
-    /// Flags.
-    Flags,
-    /// Intensities.
-    Intensities,
-    /// Scan angles.
-    Angles,
-    /// User data.
-    UserData,
-    /// Point sources.
-    Sources,
-    /// Times.
-    Times,
-    /// Colours.
-    Colours,
-    /// Near infrared.
-    Infrared,
-    /// Wave packets.
-    Packets,
-    /// One of the extra bytes.
-    ExtraBytes,
-    /// Whole records, where fields are no layers.
-    Records,
-}
-
-impl fmt::Display for Layer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Places => "places and returns",
-            Self::Heights => "heights",
-            Self::Classes => "classes",
-            Self::Flags => "flags",
-            Self::Intensities => "intensities",
-            Self::Angles => "scan angles",
-            Self::UserData => "user data",
-            Self::Sources => "point sources",
-            Self::Times => "times",
-            Self::Colours => "colours",
-            Self::Infrared => "infrared",
-            Self::Packets => "wave packets",
-            Self::ExtraBytes => "extra bytes",
-            Self::Records => "records",
-        })
-    }
-}
-
-/// What is wrong with a chunk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Damage {
-    /// The bytes end before the streams do.
-    Short,
-    /// The chunk says that it holds fewer points than asked for: this many.
-    Count(u32),
-    /// A stream does not end with its last point, or holds what no encoder writes.
-    Layer(Layer),
-}
-
-impl fmt::Display for Damage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Short => f.write_str("the chunk ends before its last stream does"),
-            Self::Count(held) => write!(f, "the chunk holds only {held} points"),
-            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged or ends elsewhere"),
-        }
-    }
-}
 
 /// Decodes chunks; one per thread, used again and again. It keeps some 1 MiB, once whole records were
 /// wanted some 2 MiB, and for each extra byte a KiB in each scanner channel that there was.

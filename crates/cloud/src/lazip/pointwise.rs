@@ -1,12 +1,13 @@
 //! Chunks of point formats 0 to 5: one stream, record after record.
 
+use super::chunk::{Damage, Layer};
 use super::coder::Coder;
+use super::fields::{Fields, Wanted};
 use super::follow::Follow;
 use super::machine::{Machine, Plain, Work, run};
 use super::old::{First, OLD_RECORD, Old};
 use super::point::Point;
 use super::schema::{self, Item};
-use super::{Damage, Fields, Layer, Wanted};
 
 /// What is kept from chunk to chunk, to be used again.
 #[derive(Default)]

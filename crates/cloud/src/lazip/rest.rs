@@ -3,6 +3,8 @@
 
 use super::attributes::Heads;
 use super::body::Body;
+use super::chunk::Damage;
+use super::fields::Fields;
 use super::machine::{Machine, Plain, Work, run};
 use super::point::RECORD;
 use super::returns::Returns;
@@ -10,7 +12,6 @@ use super::schema::Layers;
 use super::streams::RestStreams;
 use super::tails::Tails;
 use super::trace::Trace;
-use super::{Damage, Fields};
 
 /// What is kept from chunk to chunk, to be used again.
 pub(super) struct Room {

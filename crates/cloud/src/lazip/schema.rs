@@ -1,7 +1,6 @@
 //! How the records of a compressed file are made up, as its LASzip record says.
 
-use super::Layer;
-use super::follow::Follow;
+use super::chunk::Layer;
 use std::fmt;
 
 /// A part of every record, as the LASzip record lists it.
@@ -13,6 +12,16 @@ pub struct Item {
     pub size: u16,
     /// How it is compressed.
     pub version: u16,
+}
+
+impl Item {
+    /// Whether it is one of those of formats 0 to 5.
+    fn is_of_old_formats(&self) -> bool {
+        matches!(
+            (self.kind, self.size, self.version),
+            (7, 8, 1 | 2) | (8, 6, 1 | 2) | (9, 29, 1 | 2) | (0, 1.., 2)
+        )
+    }
 }
 
 impl fmt::Display for Item {
@@ -91,7 +100,7 @@ impl Schema {
 
 impl Records {
     fn new(version: u16, items: &[Item]) -> Result<Self, Item> {
-        match items.iter().find(|item| !Follow::is_known(item)) {
+        match items.iter().find(|item| !item.is_of_old_formats()) {
             Some(item) => Err(*item),
             None => {
                 let bytes = items.iter().map(|item| usize::from(item.size)).sum();

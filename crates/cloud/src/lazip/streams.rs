@@ -1,8 +1,8 @@
 //! The streams of a layered chunk, and what is wrong with them.
 
+use super::chunk::{Damage, Layer};
 use super::coder::Coder;
 use super::machine::Machine;
-use super::{Damage, Layer};
 
 /// The streams of what grids and meshes need. A stream that is absent leaves its field as it was.
 #[derive(Clone, Copy)]

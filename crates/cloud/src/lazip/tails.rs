@@ -1,6 +1,6 @@
 //! What follows the shared part in records of a layered chunk: each layer has a part of it.
 
-use super::Layer;
+use super::chunk::Layer;
 use super::follow::Follow;
 use super::machine::Machine;
 use super::schema::Layers;

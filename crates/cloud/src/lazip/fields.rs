@@ -1,0 +1,101 @@
+//! Fields of points, and which of them are wanted.
+
+use super::point::Point;
+
+/// Which fields to decode besides x, y and the return numbers. Those left out cost nothing where
+/// fields are layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// The height.
+    pub z: bool,
+    /// The class.
+    pub class: bool,
+    /// The flags.
+    pub flags: bool,
+    /// Whole records, which hold all of these and whatever else there is.
+    pub records: bool,
+}
+
+impl Wanted {
+    /// Every field that has a column of its own.
+    pub const ALL: Self = Self { z: true, class: true, flags: true, records: false };
+    /// Whole records, and every field that has a column of its own.
+    pub const RECORDS: Self = Self { records: true, ..Self::ALL };
+}
+
+/// Fields of points, an element per point; those that are not wanted hold no meaning.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Fields {
+    /// x, y, z as stored.
+    pub places: Vec<[i32; 3]>,
+    /// Classes.
+    pub classes: Vec<u8>,
+    /// Return number in the low half, number of returns of the pulse in the high half.
+    pub returns: Vec<u8>,
+    /// Synthetic (1), key point (2), withheld (4), overlap (8), scan direction (16), edge of flight
+    /// line (32).
+    pub flags: Vec<u8>,
+    /// Whole records, one after another, if they are wanted, and nothing otherwise.
+    pub records: Vec<u8>,
+}
+
+/// How much of [`Fields`] was there.
+#[derive(Clone, Copy)]
+pub(super) struct Mark {
+    points: usize,
+    bytes: usize,
+}
+
+impl Fields {
+    /// How many points there are.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Removes all points, and keeps their room.
+    pub fn clear(&mut self) {
+        self.truncate(Mark { points: 0, bytes: 0 });
+    }
+
+    pub(super) fn mark(&self) -> Mark {
+        Mark { points: self.len(), bytes: self.records.len() }
+    }
+
+    pub(super) fn truncate(&mut self, Mark { points, bytes }: Mark) {
+        self.places.truncate(points);
+        self.classes.truncate(points);
+        self.returns.truncate(points);
+        self.flags.truncate(points);
+        self.records.truncate(bytes);
+    }
+
+    /// Makes room for `count` more points, which are still to be filled in; returns the first.
+    pub(super) fn grow(&mut self, count: usize) -> usize {
+        let (from, to) = (self.len(), self.len() + count);
+        self.places.resize(to, [0; 3]);
+        self.classes.resize(to, 0);
+        self.returns.resize(to, 0);
+        self.flags.resize(to, 0);
+        from
+    }
+
+    pub(super) fn reserve(&mut self, count: usize) {
+        self.places.reserve(count);
+        self.classes.reserve(count);
+        self.returns.reserve(count);
+        self.flags.reserve(count);
+    }
+
+    #[inline(always)]
+    pub(super) fn push(&mut self, point: &Point) {
+        self.places.push(point.place);
+        self.classes.push(point.class);
+        self.returns.push(point.returns.0);
+        self.flags.push(point.flags);
+    }
+}
