@@ -4,8 +4,7 @@
 //! they began are done in two halves, rings keep three vertices. (Of a ring that would collapse the method keeps
 //! three, too, and what its tolerance then asks for between them; that is no filter, and is left out.)
 
-use super::part::{check, vertices};
-use super::tool::{Measure, Rule, Vertex};
+use super::tool::{Measure, Rule, Vertex, check, vertices};
 use terrane_base::error::Result;
 use terrane_line::metric::largest_distance2;
 use terrane_line::topology::Collapse;

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::LineJob;
 use super::goal::{Goal, measured};
+use super::job::LineJob;
+use super::report::LineReport;
 use super::tool::{Measure, Rule};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Crs;
@@ -74,7 +75,7 @@ impl Files {
     }
 
     /// Tells in a report what led to the system of the outputs.
-    pub(super) fn note_operation(&self, report: &mut super::LineReport) {
+    pub(super) fn note_operation(&self, report: &mut LineReport) {
         let operation = self.pairs.first().and_then(|pair| pair.operation.as_ref());
         report.transformed = operation.map(|own| Transformed::of(own));
         report.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
@@ -200,9 +201,9 @@ impl Pair {
 }
 
 /// Adds what was written to a report.
-pub(super) fn note(report: &mut super::LineReport, written: Written, notes: Vec<String>) {
+pub(super) fn note(report: &mut LineReport, written: Written, notes: Vec<String>) {
     report.output_bytes += written.bytes;
-    report.outputs.extend(written.files.first().map(|path| super::name(path)));
+    report.outputs.extend(written.files.first().map(|path| path.display().to_string()));
     for note in notes.into_iter().chain(written.notes) {
         if !report.notes.contains(&note) {
             report.notes.push(note);

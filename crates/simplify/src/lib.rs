@@ -5,6 +5,7 @@ pub mod draw;
 mod each;
 mod files;
 mod goal;
+mod job;
 mod length;
 mod options;
 mod part;
@@ -23,110 +24,22 @@ pub use each::thresholds;
 pub use files::outputs;
 pub use goal::measured as goal_of;
 pub use goal::{Goal, Threshold};
+pub use job::{LineJob, SQUARE, Topology};
 pub use length::{Length, LengthText};
 pub use options::{LineOptions, LineSetters, Metric};
 pub use report::{HierarchyReport, LineReport};
+pub use terrane_engine::workers::on_threads;
 pub use tool::Measure;
 pub use whole::positions;
 
 use files::Files;
-use part::Tally;
-use stored::Store;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
 use terrane_base::registry::named;
 use terrane_engine::figures::Figures;
 use terrane_engine::outputs::not_among;
-use terrane_engine::transform::Transform;
-use terrane_engine::{Cancel, Progress, Resources};
+use terrane_engine::{Cancel, Progress};
 use terrane_files::name_of;
-use terrane_line::topology::{Collapse, Strategy};
 use terrane_line::{METHODS, Method};
-use terrane_vector as vector;
-use tool::Rule;
-
-/// Lines to be simplified.
-#[derive(Clone, Debug)]
-pub struct LineJob {
-    /// Files of features.
-    pub input: Vec<PathBuf>,
-    /// The object of TopoJSON files; their first one when `None`.
-    pub layer: Option<String>,
-    /// The file or folder to write.
-    pub output: PathBuf,
-    /// The output is a folder, in which each input keeps its name; with several inputs it is in any case.
-    pub into_folder: bool,
-    /// Name of the format to write; by the output's ending, or as the input, when `None`.
-    pub format: Option<String>,
-    /// How vertices are chosen.
-    pub method: &'static Method,
-    /// How many are left out.
-    pub goal: Goal,
-    /// Heights take part in distances.
-    pub is_space: bool,
-    /// Neighbours are looked at; each feature is simplified by itself when `None`.
-    pub topology: Option<Topology>,
-    /// The file of hierarchies, for Ramer-Douglas-Peucker without topology: made where it is not there,
-    /// asked instead of the method where it is.
-    pub hierarchy: Option<PathBuf>,
-    /// What becomes of rings that have fewer than three vertices left.
-    pub collapse: Collapse,
-    /// Digits behind the point that positions are rounded to, in any format: with topology as far as nothing
-    /// comes to touch, cross or change sides; `None` to leave them as they are.
-    pub decimals: Option<u8>,
-    /// The system to write in; that of the inputs when `None`.
-    pub transform: Option<Transform>,
-    /// Replace files that exist.
-    pub overwrite: bool,
-    /// What the job may use.
-    pub resources: Resources,
-}
-
-/// Most vertices of a [square](Topology::square) unless told otherwise.
-pub const SQUARE: u64 = 1 << 20;
-
-/// How neighbours are looked at.
-#[derive(Clone, Debug)]
-pub struct Topology {
-    /// When crossings are looked for.
-    pub strategy: Strategy,
-    /// Vertices no farther apart than this are made one first, in units of the data; 0 for none.
-    pub snap: f64,
-    /// Points that stay on the side of every line that they are on.
-    pub sides: Option<PathBuf>,
-    /// Most vertices that are looked at together. Where there are more in all files, space is divided
-    /// into squares that hold no more each, and segments from one square to another stay: what comes
-    /// out depends on it.
-    pub square: u64,
-}
-
-impl Default for Topology {
-    fn default() -> Self {
-        Self { strategy: Strategy::default(), snap: 0.0, sides: None, square: SQUARE }
-    }
-}
-
-impl LineJob {
-    /// The job with everything else at its default.
-    pub fn new(input: impl Into<PathBuf>, output: impl Into<PathBuf>, goal: Goal) -> Self {
-        Self {
-            input: vec![input.into()],
-            layer: None,
-            output: output.into(),
-            into_folder: false,
-            format: None,
-            method: &METHODS[0],
-            goal,
-            is_space: false,
-            topology: None,
-            hierarchy: None,
-            collapse: Collapse::Minimal,
-            decimals: None,
-            transform: None,
-            overwrite: false,
-            resources: Resources::default(),
-        }
-    }
-}
 
 /// The method called `name`.
 ///
@@ -145,7 +58,7 @@ pub fn method(name: &str) -> Result<&'static Method> {
 pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<LineReport> {
     let started = Instant::now();
     job.check()?;
-    job.check_files()?;
+    check_files(job)?;
     let files = Files::of(job)?;
     let mut report = match (&job.topology, job.goal) {
         (None, Goal::Tolerance(_) | Goal::Area(_)) => stream::run(job, &files, progress, cancel)?,
@@ -158,107 +71,13 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
     Ok(report)
 }
 
-impl LineJob {
-    /// True where the output is a folder.
-    fn is_into_folder(&self) -> bool {
-        self.into_folder || self.input.len() > 1
-    }
-
-    /// Fails where something that is read would be replaced, or two outputs be one.
-    fn check_files(&self) -> Result<()> {
-        let mut written = outputs(self)?;
-        written.extend(self.hierarchy.clone());
-        let sides = self.topology.as_ref().and_then(|topology| topology.sides.clone());
-        let read = self.input.iter().cloned().chain(sides);
-        let beside = self.transform.iter().flat_map(|own| own.files().map(Path::to_path_buf));
-        let read = read.chain(beside).map(name_of).collect::<Result<Vec<_>>>()?;
-        not_among(&read, &written.iter().map(PathBuf::as_path).collect::<Vec<_>>())
-    }
-
-    /// Fails where it can be known without the inputs that the job cannot be done.
-    ///
-    /// # Errors
-    /// A goal that the method does not have, hierarchies of another method or with topology, an output
-    /// whose format is not known.
-    pub fn check(&self) -> Result<()> {
-        self.goal.check(self.method)?;
-        check_hierarchy(self)?;
-        check_transform(self)?;
-        match (self.is_into_folder(), &self.format) {
-            (true, None) => Ok(()),
-            (_, format) => vector::by_path(&self.output, format.as_deref()).map(drop),
-        }
-    }
-}
-
-/// Fails where hierarchies were asked for that do not do the job.
-fn check_hierarchy(job: &LineJob) -> Result<()> {
-    if job.hierarchy.is_none() {
-        return Ok(());
-    }
-    if job.topology.is_some() {
-        return Err(Error::usage("a hierarchy is of each feature by itself, without neighbours")
-            .remedy("leave ‹hierarchy› out, or ‹topology›"));
-    }
-    if job.method.splits {
-        return Ok(());
-    }
-    let (rdp, other) = (Method::RDP.name, job.method.name);
-    Err(Error::usage(format!("a hierarchy is of {rdp}, and the method is {other}"))
-        .remedy(format!("leave ‹hierarchy› out, or pass ‹method› {rdp}")))
-}
-
-/// Fails where what is judged would not be what is written.
-fn check_transform(job: &LineJob) -> Result<()> {
-    let is_rounded = job.topology.is_some() && job.decimals.is_some();
-    match job.transform.is_some() && is_rounded {
-        true => Err(Error::usage(
-            "positions of the system to write in are rounded after it was looked at what crosses",
-        )
-        .remedy("leave ‹decimals› out, or ‹to_crs›, or ‹topology›")),
-        false => Ok(()),
-    }
-}
-
-impl LineReport {
-    /// Completes the file of hierarchies, if there is one, and tells of it.
-    fn stored(&mut self, job: &LineJob, store: Store) -> Result<()> {
-        let Some(path) = &job.hierarchy else { return Ok(()) };
-        let own = self.hierarchy.get_or_insert_default();
-        (own.file, own.made) = (name(path), store.makes());
-        own.bytes = store.finish()?;
-        Ok(())
-    }
-
-    fn add(&mut self, tally: &Tally) {
-        if tally.prepare_seconds + tally.query_seconds > 0.0 {
-            let own = self.hierarchy.get_or_insert_default();
-            own.prepare_seconds += tally.prepare_seconds;
-            own.query_seconds += tally.query_seconds;
-        }
-        self.features += tally.features;
-        self.parts += tally.parts;
-        self.vertices += tally.vertices;
-        self.kept += tally.kept;
-        self.collapsed += tally.collapsed;
-        self.largest_distance = self.largest_distance.max(tally.square.sqrt());
-    }
-
-    fn measured_by(&mut self, rule: &Rule) {
-        self.measure = rule.measure;
-        let value = rule.threshold.max(0.0);
-        self.threshold = Threshold { value, metres: rule.measure == Measure::Geographic };
-    }
-}
-
-/// Runs `work` on a pool of the job's threads.
-pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
-    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
-    Ok(pool.map_err(no_threads)?.install(work))
-}
-
-/// The name of a file for messages.
-fn name(path: &Path) -> String {
-    path.display().to_string()
+/// Fails where something that is read would be replaced, or two outputs be one.
+fn check_files(job: &LineJob) -> Result<()> {
+    let mut written = outputs(job)?;
+    written.extend(job.hierarchy.clone());
+    let sides = job.topology.as_ref().and_then(|topology| topology.sides.clone());
+    let read = job.input.iter().cloned().chain(sides);
+    let beside = job.transform.iter().flat_map(|own| own.files().map(Path::to_path_buf));
+    let read = read.chain(beside).map(name_of).collect::<Result<Vec<_>>>()?;
+    not_among(&read, &written.iter().map(PathBuf::as_path).collect::<Vec<_>>())
 }

@@ -2,12 +2,11 @@
 
 use std::cell::Cell;
 
-use super::tool::{Measure, Rule, Task, Tool, Vertex};
+use super::tool::{Rule, Task, Tool, Vertex, check, vertices};
 use super::trees::{Left, Trees};
-use terrane_base::error::{Error, Result};
-use terrane_line::metric::{LEAST, MOST};
+use terrane_base::error::Result;
 use terrane_line::{Metric, Scratch};
-use terrane_vector::{Geometry, Kept, Part};
+use terrane_vector::{Geometry, Kept};
 
 /// What became of the parts of some features.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,45 +35,6 @@ pub(super) fn simplify(
     geometry.parts().try_for_each(|part| check(&part, rule))?;
     let left = Left::of(trees, rule.threshold);
     Ok(rule.apply(One { geometry, left }))
-}
-
-/// Fails when a part cannot be measured: it has no heights, latitudes that are none, or coordinates whose
-/// products are no numbers.
-pub(super) fn check(part: &Part<'_>, rule: &Rule) -> Result<()> {
-    let z = if rule.measure == Measure::Space { part.z } else { &[] };
-    match rule.measure {
-        _ if rule.keeps_everything() => return Ok(()),
-        Measure::Space if part.z.is_empty() || part.z.iter().any(|z| z.is_nan()) => {
-            return Err(Error::bad_input("a vertex has no height, which ‹metric› 3d measures")
-                .remedy("leave ‹metric› 3d out"));
-        }
-        Measure::Geographic if part.xy.iter().any(|[_, y]| y.abs() > 90.0) => {
-            return Err(Error::bad_input("a latitude is beyond 90 degrees")
-                .remedy("pass ‹tolerance› as a plain number, in units of the data"));
-        }
-        _ => {}
-    }
-    let mut all = part.xy.as_flattened().iter().chain(z);
-    // Those that are too small count as 0, which is near enough beside any threshold but a tiny one.
-    let least = if rule.threshold < FINEST { LEAST } else { 0.0 };
-    let is_wrong = |c: &&f64| c.abs() > MOST || (**c != 0.0 && c.abs() < least);
-    let Some(wrong) = all.find(is_wrong) else { return Ok(()) };
-    let (extreme, remedy) = match wrong.abs() > MOST {
-        true => ("large", "bring it into other units, or take the feature out"),
-        false => ("small", "pass ‹tolerance› 1e-50 or more, or write 0 in its place"),
-    };
-    let message = format!("coordinate {wrong:?} is too {extreme} for distances to be computed");
-    Err(Error::bad_input(message).remedy(remedy))
-}
-
-/// Thresholds from here on do not see what is below [`LEAST`].
-const FINEST: f64 = 1e-50;
-
-/// The vertices of a part, for a metric.
-pub(super) fn vertices<V: Vertex>(part: &Part<'_>, out: &mut Vec<V>) {
-    out.clear();
-    let z = |i: usize| part.z.get(i).copied().unwrap_or(0.0);
-    out.extend(part.xy.iter().enumerate().map(|(i, xy)| V::of(*xy, z(i))));
 }
 
 /// Does `work` with the thread's room.

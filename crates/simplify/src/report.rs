@@ -3,7 +3,11 @@
 use serde::Serialize;
 
 use super::goal::Threshold;
-use super::tool::Measure;
+use super::job::LineJob;
+use super::part::Tally;
+use super::stored::Store;
+use super::tool::{Measure, Rule};
+use terrane_base::error::Result;
 use terrane_engine::figures::Figures;
 use terrane_engine::transform::Transformed;
 
@@ -60,4 +64,35 @@ pub struct LineReport {
     pub notes: Vec<String>,
     #[serde(flatten)]
     pub run: Figures,
+}
+
+impl LineReport {
+    /// Completes the file of hierarchies, if there is one, and tells of it.
+    pub(super) fn stored(&mut self, job: &LineJob, store: Store) -> Result<()> {
+        let Some(path) = &job.hierarchy else { return Ok(()) };
+        let own = self.hierarchy.get_or_insert_default();
+        (own.file, own.made) = (path.display().to_string(), store.makes());
+        own.bytes = store.finish()?;
+        Ok(())
+    }
+
+    pub(super) fn add(&mut self, tally: &Tally) {
+        if tally.prepare_seconds + tally.query_seconds > 0.0 {
+            let own = self.hierarchy.get_or_insert_default();
+            own.prepare_seconds += tally.prepare_seconds;
+            own.query_seconds += tally.query_seconds;
+        }
+        self.features += tally.features;
+        self.parts += tally.parts;
+        self.vertices += tally.vertices;
+        self.kept += tally.kept;
+        self.collapsed += tally.collapsed;
+        self.largest_distance = self.largest_distance.max(tally.square.sqrt());
+    }
+
+    pub(super) fn measured_by(&mut self, rule: &Rule) {
+        self.measure = rule.measure;
+        let value = rule.threshold.max(0.0);
+        self.threshold = Threshold { value, metres: rule.measure == Measure::Geographic };
+    }
 }

@@ -13,7 +13,7 @@
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::LineJob;
+use super::job::LineJob;
 use super::tool::{Measure, Rule};
 use super::trees::{Trees, digest};
 use terrane_base::error::{Error, Result};

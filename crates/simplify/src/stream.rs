@@ -6,12 +6,14 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::files::{self, Files, Pair};
+use super::job::LineJob;
 use super::part::{self, Tally};
+use super::report::LineReport;
 use super::stored::{self, Order, Store};
 use super::tool::Rule;
-use super::{LineJob, LineReport, on_threads};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_engine::workers::on_threads;
 use terrane_engine::{Cancel, Progress};
 use terrane_vector::{Feature, FeatureSink, FeatureSource};
 

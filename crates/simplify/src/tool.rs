@@ -1,10 +1,12 @@
 //! A method with its threshold in a metric, and what it keeps of lines and rings.
 
-use terrane_line::metric::measurable;
+use terrane_base::error::{Error, Result};
+use terrane_line::metric::{LEAST, MOST, measurable};
 use terrane_line::topology::Collapse;
 use terrane_line::{
     Geographic, Located, Method, Metric, Plane, Scratch, Space, Xy, metric, registry, ring,
 };
+use terrane_vector::Part;
 
 /// In what distances are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -40,6 +42,13 @@ impl Vertex for Located {
     fn of(xy: Xy, _: f64) -> Self {
         Self::new(xy.map(measurable))
     }
+}
+
+/// The vertices of a part, for a metric.
+pub(super) fn vertices<V: Vertex>(part: &Part<'_>, out: &mut Vec<V>) {
+    out.clear();
+    let z = |i: usize| part.z.get(i).copied().unwrap_or(0.0);
+    out.extend(part.xy.iter().enumerate().map(|(i, xy)| V::of(*xy, z(i))));
 }
 
 /// The threshold below all others: nothing is left out, not even what lies on its segment.
@@ -101,6 +110,38 @@ impl Rule {
         }
     }
 }
+
+/// Fails when a part cannot be measured: it has no heights, latitudes that are none, or coordinates whose
+/// products are no numbers.
+pub(super) fn check(part: &Part<'_>, rule: &Rule) -> Result<()> {
+    let z = if rule.measure == Measure::Space { part.z } else { &[] };
+    match rule.measure {
+        _ if rule.keeps_everything() => return Ok(()),
+        Measure::Space if part.z.is_empty() || part.z.iter().any(|z| z.is_nan()) => {
+            return Err(Error::bad_input("a vertex has no height, which ‹metric› 3d measures")
+                .remedy("leave ‹metric› 3d out"));
+        }
+        Measure::Geographic if part.xy.iter().any(|[_, y]| y.abs() > 90.0) => {
+            return Err(Error::bad_input("a latitude is beyond 90 degrees")
+                .remedy("pass ‹tolerance› as a plain number, in units of the data"));
+        }
+        _ => {}
+    }
+    let mut all = part.xy.as_flattened().iter().chain(z);
+    // Those that are too small count as 0, which is near enough beside any threshold but a tiny one.
+    let least = if rule.threshold < FINEST { LEAST } else { 0.0 };
+    let is_wrong = |c: &&f64| c.abs() > MOST || (**c != 0.0 && c.abs() < least);
+    let Some(wrong) = all.find(is_wrong) else { return Ok(()) };
+    let (extreme, remedy) = match wrong.abs() > MOST {
+        true => ("large", "bring it into other units, or take the feature out"),
+        false => ("small", "pass ‹tolerance› 1e-50 or more, or write 0 in its place"),
+    };
+    let message = format!("coordinate {wrong:?} is too {extreme} for distances to be computed");
+    Err(Error::bad_input(message).remedy(remedy))
+}
+
+/// Thresholds from here on do not see what is below [`LEAST`].
+const FINEST: f64 = 1e-50;
 
 impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
     /// Appends what is kept of an open line.

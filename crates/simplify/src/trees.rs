@@ -3,8 +3,7 @@
 
 use std::time::Instant;
 
-use super::part::{check, vertices};
-use super::tool::{Measure, Rule, Task, Tool, Vertex};
+use super::tool::{Measure, Rule, Task, Tool, Vertex, check, vertices};
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::Digest;
 use terrane_line::visvalingam::{Areas, Weight};

@@ -18,28 +18,21 @@ pub use cover::positions;
 
 use std::time::Instant;
 
-use super::files::{self, Files};
+use super::files::Files;
+use super::job::LineJob;
 use super::part::Tally;
+use super::report::LineReport;
 use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use super::trees::Trees;
-use super::{LineJob, LineReport, on_threads};
-use cover::Cover;
-use input::{Collected, Input};
+use input::{Collected, Input, room};
 use rayon::prelude::*;
-use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_base::error::{Error, Result};
+use terrane_engine::memory::{PROGRAM, short};
+use terrane_engine::workers::on_threads;
 use terrane_engine::{Cancel, Progress};
-use terrane_vector::{Feature, Written};
-use trial::Wanted;
-
-/// A job on all features.
-struct Whole<'a> {
-    job: &'a LineJob,
-    files: &'a Files,
-    progress: &'a dyn Progress,
-    cancel: &'a Cancel,
-}
+use terrane_vector::Feature;
+use trial::Whole;
 
 pub(super) fn run(
     job: &LineJob,
@@ -77,14 +70,6 @@ pub(super) fn run(
 const WITH_NEIGHBOURS: u64 = 2;
 const ALONE: u64 = 4;
 
-/// Bytes for features and what is made of them.
-fn room(job: &LineJob) -> u64 {
-    match job.topology {
-        Some(_) => cover::beside(job.resources.memory),
-        None => beside_program(job.resources.memory),
-    }
-}
-
 impl Whole<'_> {
     /// Bytes of features that may be held.
     fn share(&self) -> u64 {
@@ -100,31 +85,6 @@ impl Whole<'_> {
         let message = format!("the threshold is looked for in memory, which takes {mib} MiB");
         let error = short(message, enough).or("pass ‹tolerance›, or split the input");
         error.in_file(&self.files.pairs[0].input)
-    }
-
-    /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
-    /// what came.
-    fn make(
-        &self,
-        input: &mut Input<'_>,
-        rule: &Rule,
-        wanted: Option<&Wanted>,
-        report: &mut LineReport,
-    ) -> Result<Option<u64>> {
-        let &Self { job, files, progress, cancel } = self;
-        match (&job.topology, wanted) {
-            (Some(topology), _) => {
-                Cover { job, files, topology, rule, progress, cancel }.run(input, wanted, report)
-            }
-            (None, Some(wanted)) => self.alone(input, rule, wanted, report),
-            (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
-        }
-    }
-
-    fn note(&self, input: &Input<'_>, written: Vec<Written>, report: &mut LineReport) {
-        for (written, file) in written.into_iter().zip(&input.all) {
-            files::note(report, written, file.notes.clone());
-        }
     }
 }
 

@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::Whole;
 use super::input::{Collected, Input};
-use super::trial::{Leaves, Wanted};
+use super::trial::{Leaves, Wanted, Whole};
 use crate::part::{self, Tally};
+use crate::report::LineReport;
 use crate::tool::Rule;
-use crate::{LineReport, on_threads};
 use terrane_base::error::Result;
+use terrane_engine::workers::on_threads;
 use terrane_vector::{Feature, Geometry};
 
 impl Whole<'_> {

@@ -26,25 +26,24 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use super::Whole;
 use super::gaps::Gaps;
-use super::input::Input;
+use super::input::{Input, REST, beside};
 use super::kept::Kept;
 use super::left::{Cutting, Left, Now, Parts};
 use super::moves::{self, Snapped};
 use super::spool::{self, Spool, by_square};
 use super::square::{Flat, How, KEPT_VERTEX, MOST_PAIRS, Rounding, Solved, VERTEX, World, solve};
-use super::trial::{Leaves, Wanted};
+use super::trial::{Leaves, Wanted, Whole};
 use crate::files::Files;
-use crate::part::check;
-use crate::tool::Rule;
-use crate::{LineJob, LineReport, Measure, Topology};
+use crate::job::{LineJob, Topology};
+use crate::report::LineReport;
+use crate::tool::{Measure, Rule, check};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane;
 use terrane_engine::memory::short;
 use terrane_engine::workers;
 use terrane_engine::{Cancel, Progress, disk};
-use terrane_files::lock;
+use terrane_files::{Buckets, lock};
 use terrane_line::Xy;
 use terrane_line::squares::{Place, Squares};
 use terrane_line::topology::{Collapse, conflict};
@@ -52,15 +51,6 @@ use terrane_vector::{self as vector, OpenOptions};
 
 /// Bytes for each segment that comes by a square.
 const OBSTACLE: u64 = 320;
-/// Bytes that are in use beside features, squares, and what waits for its square: the program, the census,
-/// and the buffers of sinks.
-const REST: u64 = 24 << 20;
-
-/// What is left of `memory` for features, squares, and what waits for them.
-pub(super) fn beside(memory: u64) -> u64 {
-    memory.saturating_sub(REST)
-}
-
 /// A job on all features.
 pub(super) struct Cover<'a> {
     pub(super) job: &'a LineJob,
@@ -193,8 +183,10 @@ impl Cover<'_> {
         }
         let squares = self.squares(input)?;
         let folder = self.folder();
+        let buckets = Buckets::new(&folder, squares.count(), self.memory() / 8);
+        input.sort(&squares, &buckets, self.cancel)?;
         let room = (&*folder, self.memory());
-        let snapped = Snapped::new(input, squares, self.topology.snap, room, self.cancel)?;
+        let snapped = Snapped::new(buckets, squares, self.topology.snap, room, self.cancel)?;
         input.snap(snapped, self.cancel)
     }
 

@@ -1,21 +1,39 @@
 //! The features of all files: in memory where they fit, else read anew each time.
 
 use super::moves::{Harm, Moves, Snapped};
-use super::room;
-use crate::LineJob;
 use crate::files::{Files, Pair};
+use crate::job::LineJob;
 use crate::stored::{Order, Store};
 use crate::trees::Trees;
 use terrane_base::error::Result;
-use terrane_engine::memory::short;
+use terrane_engine::memory::{beside_program, short};
 use terrane_engine::{Cancel, Progress};
-use terrane_line::squares::Census;
+use terrane_files::Buckets;
+use terrane_line::Xy;
+use terrane_line::squares::{Census, Place, Run, Squares, cut};
 use terrane_vector::{Feature, Geometry, Layer, Member};
 
 /// Bytes for each feature beside its vertices, about.
 const FEATURE: u64 = 400;
 /// Bytes for each vertex of which there is a hierarchy.
 const SPLIT: u64 = 24;
+
+/// Bytes that are in use beside features, squares, and what waits for its square: the program, the census,
+/// and the buffers of sinks.
+pub(super) const REST: u64 = 24 << 20;
+
+/// What is left of `memory` for features, squares, and what waits for them.
+pub(super) fn beside(memory: u64) -> u64 {
+    memory.saturating_sub(REST)
+}
+
+/// Bytes for features and what is made of them.
+pub(super) fn room(job: &LineJob) -> u64 {
+    match job.topology {
+        Some(_) => beside(job.resources.memory),
+        None => beside_program(job.resources.memory),
+    }
+}
 
 /// A file that has been read.
 pub(super) struct Collected {
@@ -227,6 +245,25 @@ impl<'a> Input<'a> {
         mut each: impl FnMut(&mut Feature) -> Result<()>,
     ) -> Result<()> {
         (0..self.all.len()).try_for_each(|file| self.visit(file, cancel, &mut each))
+    }
+
+    /// Sorts all vertices by square.
+    pub(super) fn sort(
+        &mut self,
+        squares: &Squares,
+        buckets: &Buckets<Xy>,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let (mut place, mut runs) = (Place::default(), Vec::new());
+        self.visit_all(cancel, |feature| {
+            feature.geometry.parts().try_for_each(|part| {
+                cut(part.xy, false, squares, &mut place, &mut runs);
+                let push = |run: &Run| {
+                    buckets.push(run.square as usize, &part.xy[run.first..run.first + run.count])
+                };
+                runs.iter().try_for_each(push)
+            })
+        })
     }
 
     /// Shows all geometries that are moved, before and after.

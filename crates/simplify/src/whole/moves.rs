@@ -9,13 +9,12 @@
 use std::cmp::Ordering;
 use std::path::Path;
 
-use super::input::Input;
 use super::kept::Cursors;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::{area_sign, key};
 use terrane_engine::Cancel;
 use terrane_files::Buckets;
-use terrane_line::squares::{Place, Squares, cut};
+use terrane_line::squares::{Place, Squares};
 use terrane_line::{Xy, arcs};
 use terrane_vector::{Geometry, Part};
 
@@ -69,18 +68,17 @@ pub(super) struct Snapped {
 }
 
 impl Snapped {
-    /// Snaps all vertices, square after square: what has stayed in one is not moved by those to come, so
+    /// Snaps all vertices, sorted by square, square after square: what has stayed in one is not moved by those to come, so
     /// in all of them no two positions are left that are nearer than `distance`, and none has moved
     /// farther. In a square the rule is that of [`arcs::snap`].
     pub(super) fn new(
-        input: &mut Input<'_>,
+        old: Buckets<Xy>,
         squares: Squares,
         distance: f64,
         (folder, memory): (&Path, u64),
         cancel: &Cancel,
     ) -> Result<Self> {
         let count = squares.count();
-        let old = sorted(input, &squares, Buckets::new(folder, count, memory / 8), cancel)?;
         let places = Buckets::new(folder, count, most_held(memory));
         let stayed = Buckets::new(folder, count, memory / 16);
         let (mut before, mut near) = (Vec::new(), Vec::new());
@@ -114,26 +112,6 @@ impl Snapped {
         }
         Ok(())
     }
-}
-
-/// All vertices by square.
-fn sorted(
-    input: &mut Input<'_>,
-    squares: &Squares,
-    buckets: Buckets<Xy>,
-    cancel: &Cancel,
-) -> Result<Buckets<Xy>> {
-    let (mut place, mut runs) = (Place::default(), Vec::new());
-    input.visit_all(cancel, |feature| {
-        feature.geometry.parts().try_for_each(|part| {
-            cut(part.xy, false, squares, &mut place, &mut runs);
-            let push = |run: &terrane_line::squares::Run| {
-                buckets.push(run.square as usize, &part.xy[run.first..run.first + run.count])
-            };
-            runs.iter().try_for_each(push)
-        })
-    })?;
-    Ok(buckets)
 }
 
 /// What moving vertices has done to rings.

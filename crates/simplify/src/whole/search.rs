@@ -4,17 +4,40 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::Whole;
+use super::cover::Cover;
 use super::input::Input;
-use super::trial::Wanted;
+use super::trial::{Wanted, Whole};
 use crate::goal::Unit;
+use crate::report::LineReport;
 use crate::seek::{Profile, Target, seek};
 use crate::tool::Rule;
-use crate::{LineReport, on_threads, trees};
-use terrane_base::error::{Error, Result};
+use crate::trees;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::workers::on_threads;
 use terrane_files::lock;
 use terrane_line::topology::Collapse;
 use terrane_vector::{Feature, Part};
+
+impl Whole<'_> {
+    /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
+    /// what came.
+    pub(super) fn make(
+        &self,
+        input: &mut Input<'_>,
+        rule: &Rule,
+        wanted: Option<&Wanted>,
+        report: &mut LineReport,
+    ) -> Result<Option<u64>> {
+        let &Self { job, files, progress, cancel } = self;
+        match (&job.topology, wanted) {
+            (Some(topology), _) => {
+                Cover { job, files, topology, rule, progress, cancel }.run(input, wanted, report)
+            }
+            (None, Some(wanted)) => self.alone(input, rule, wanted, report),
+            (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
+        }
+    }
+}
 
 /// Meets a goal of so many vertices or bytes.
 pub(super) fn run(

@@ -3,11 +3,22 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use super::Whole;
 use super::input::Input;
+use crate::files::{self, Files};
 use crate::goal::Unit;
+use crate::job::LineJob;
+use crate::report::LineReport;
 use terrane_base::error::{Error, Result};
+use terrane_engine::{Cancel, Progress};
 use terrane_vector::{Feature, Geometry, Written};
+
+/// A job on all features.
+pub(super) struct Whole<'a> {
+    pub(super) job: &'a LineJob,
+    pub(super) files: &'a Files,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
 
 /// What may come of a threshold.
 pub(super) struct Wanted {
@@ -87,5 +98,12 @@ impl Whole<'_> {
         }
         self.progress.end();
         Ok(all)
+    }
+
+    /// Tells in a report what was written.
+    pub(super) fn note(&self, input: &Input<'_>, written: Vec<Written>, report: &mut LineReport) {
+        for (written, file) in written.into_iter().zip(&input.all) {
+            files::note(report, written, file.notes.clone());
+        }
     }
 }
