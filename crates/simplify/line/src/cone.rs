@@ -15,8 +15,9 @@
 //! fewest vertices.
 
 use super::metric::Metric;
+use super::regions::first_beyond;
+use super::scratch::{Scratch, keep_short};
 use super::wedge::{Step, Wedge};
-use super::{Scratch, first_beyond, keep_short};
 
 /// How far to look at least.
 const LOOK: usize = 64;

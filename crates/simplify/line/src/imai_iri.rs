@@ -27,24 +27,14 @@
 //! Memory O(n); O(n^2) at worst, near-linear on lines that wander off.
 
 use super::cone::cone;
-use super::metric::{Metric, larger};
-use super::regions::{Regions, farthest_beyond, last_above};
+use super::metric::Metric;
+use super::metric::range::larger;
+use super::regions::{Regions, farthest_beyond, first_beyond, last_above};
+use super::scratch::{Node, Scratch, keep_short};
 use super::wedge::{MOST_SIDES, Step, Wedge, first_inside};
-use super::{Scratch, first_beyond, keep_short};
 
 /// No vertex.
 const NONE: u32 = u32::MAX;
-
-/// What the search knows of a vertex.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
-    /// The vertex it was reached from.
-    parent: u32,
-    /// A vertex that was beyond the tolerance from the last segment tried.
-    spoiler: u32,
-    /// A vertex from which on to look for the next unvisited one: itself while it is unvisited.
-    next: u32,
-}
 
 /// Where the first unvisited vertex is less than so many vertices away, all narrow the wedge.
 const NEAR: usize = 4;

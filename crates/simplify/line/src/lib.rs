@@ -17,6 +17,7 @@ pub mod rdp;
 mod regions;
 pub mod registry;
 pub mod ring;
+mod scratch;
 pub mod squares;
 pub mod topology;
 pub mod visvalingam;
@@ -25,52 +26,8 @@ pub mod wedge;
 pub use hierarchy::Hierarchy;
 pub use metric::{Geographic, Located, Metric, Plane, Space, Vertical};
 pub use registry::{METHODS, Method};
-
-/// A position in the plane.
-pub type Xy = [f64; 2];
-
-/// Memory that methods keep between calls, so that many short lines cost no allocation.
-#[derive(Clone, Debug, Default)]
-pub struct Scratch {
-    /// Ends of ranges still to be looked at.
-    ends: Vec<usize>,
-    /// Vertices at which three segments may end.
-    candidates: [Vec<u32>; 3],
-    /// What the shortest path knows of each vertex.
-    nodes: Vec<imai_iri::Node>,
-    /// Vertices of one layer of the search, and of the next.
-    layer: Vec<u32>,
-    next_layer: Vec<u32>,
-}
-
-/// Appends all indices of a line that is too short to lose any: `true` if it was.
-fn keep_short(count: usize, kept: &mut Vec<u32>) -> bool {
-    if count <= 2 {
-        kept.extend(0..count as u32);
-    }
-    count <= 2
-}
-
-/// The first vertex between `from` and `to` that is beyond the tolerance from the segment that joins
-/// them.
-fn first_beyond<V: Copy, M: Metric<V>>(
-    metric: &M,
-    points: &[V],
-    from: usize,
-    to: usize,
-    tolerance2: f64,
-) -> Option<usize> {
-    let segment = metric.segment(&points[from], &points[to]);
-    let limit = M::within(&segment, tolerance2);
-    let mut at = from + 1;
-    while let Some(found) = regions::first_above::<V, M>(&segment, points, at, to, limit) {
-        if M::squared(&segment, M::reach(&segment, &points[found])) > tolerance2 {
-            return Some(found);
-        }
-        at = found + 1;
-    }
-    None
-}
+pub use scratch::Scratch;
+pub use terrane_base::geom::plane::Xy;
 
 #[cfg(test)]
 mod tests;

@@ -44,9 +44,10 @@ use std::cell::Cell;
 use std::cmp::Ordering;
 use std::ops::Range as Indices;
 
-use super::Xy;
-use super::metric::{Metric, Plane, PlaneBox, PlaneSegment, larger};
+use super::metric::range::larger;
+use super::metric::{Metric, Plane, PlaneBox, PlaneSegment};
 use super::regions::{Farthest, scan};
+use terrane_base::geom::plane::Xy;
 use terrane_base::geom::plane::orient;
 
 /// Vertices in a run of the lowest level.

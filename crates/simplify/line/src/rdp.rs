@@ -15,7 +15,8 @@
 use super::metric::{Metric, Plane};
 use super::path_hull::{Hulls, Run};
 use super::regions::{LOOK, Regions, SHORTEST, beyond};
-use super::{Scratch, Xy, keep_short};
+use super::scratch::{Scratch, keep_short};
+use terrane_base::geom::plane::Xy;
 
 /// Regions looked at, by vertex and doubling of the line, after which boxes are given up.
 const ENOUGH: u64 = 3;

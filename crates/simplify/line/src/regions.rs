@@ -4,7 +4,8 @@
 //! not farther than what is known is passed over as a whole. [`Metric::reach_most`] bounds distances as
 //! they are computed, so the vertex found is that of a plain scan, ties included.
 
-use super::metric::{Metric, larger};
+use super::metric::Metric;
+use super::metric::range::larger;
 
 /// Vertices in a region of the lowest level.
 const LEAF: usize = 16;
@@ -101,6 +102,27 @@ pub(super) fn first_above<V: Copy, M: Metric<V>>(
         }
     }
     rest.iter().position(|p| M::reach(segment, p) > limit).map(|i| rest_at + i)
+}
+
+/// The first vertex between `from` and `to` that is beyond the tolerance from the segment that joins
+/// them.
+pub(super) fn first_beyond<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    from: usize,
+    to: usize,
+    tolerance2: f64,
+) -> Option<usize> {
+    let segment = metric.segment(&points[from], &points[to]);
+    let limit = M::within(&segment, tolerance2);
+    let mut at = from + 1;
+    while let Some(found) = first_above::<V, M>(&segment, points, at, to, limit) {
+        if M::squared(&segment, M::reach(&segment, &points[found])) > tolerance2 {
+            return Some(found);
+        }
+        at = found + 1;
+    }
+    None
 }
 
 /// The vertex farthest from `segment` among `from..to`, and its squared distance, if that is above

@@ -1,8 +1,10 @@
 //! The methods by name.
 
 use super::metric::{Geographic, Located, Plane, Space, Vertical};
+use super::scratch::Scratch;
 use super::visvalingam::{self, Weight};
-use super::{Scratch, Xy, cone, imai_iri, rdp};
+use super::{cone, imai_iri, rdp};
+use terrane_base::geom::plane::Xy;
 use terrane_base::registry::{Named, find};
 
 /// A method for vertices `V` in the metric `M`: metric, vertices, tolerance, scratch, kept indices

@@ -16,10 +16,10 @@
 //! vertex farthest from it, the one farthest from the segment between them, and what the tolerance asks for
 //! besides; what to do with it is for the caller to say.
 
-use super::Scratch;
 use super::metric::Metric;
 use super::rdp::rdp;
 use super::regions::{Regions, farthest_beyond};
+use super::scratch::Scratch;
 use super::visvalingam::{Areas, Weight};
 
 /// What became of a ring.

@@ -11,7 +11,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use super::metric::Metric;
-use super::{Scratch, keep_short};
+use super::scratch::{Scratch, keep_short};
 
 /// How the area of a triangle is weighted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

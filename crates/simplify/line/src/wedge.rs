@@ -14,8 +14,9 @@
 
 use std::marker::PhantomData;
 
-use super::Xy;
-use super::metric::{Located, larger, smaller};
+use super::metric::located::Located;
+use super::metric::range::{larger, smaller};
+use terrane_base::geom::plane::Xy;
 
 /// What a vertex does to a wedge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{Arcs, Passage};
+use super::bins::Bins;
 use crate::topology::Chains;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
@@ -13,9 +13,57 @@ const NONE: u32 = u32::MAX;
 /// What a line has before its first vertex and after its last one: never a neighbour.
 const END: u32 = u32::MAX - 1;
 
+/// An arc as part of a ring or line: which, and in which direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Passage(u32);
+
+impl Passage {
+    fn new(arc: u32, backward: bool) -> Self {
+        Self(arc << 1 | u32::from(backward))
+    }
+
+    /// The arc.
+    pub fn arc(self) -> usize {
+        (self.0 >> 1) as usize
+    }
+
+    /// Whether it is passed from its last vertex to its first.
+    pub fn is_backward(self) -> bool {
+        self.0 & 1 == 1
+    }
+}
+
+/// The arcs of a coverage, and the parts that are made of them.
+#[derive(Clone, Debug, Default)]
+pub struct Arcs {
+    /// The vertices of all arcs, arc by arc.
+    pub points: Vec<Xy>,
+    /// For each of them the input's first vertex at its position: where z and m are to be found.
+    pub sources: Vec<u32>,
+    /// The number of each arc's first vertex, and at the end the number of all.
+    pub starts: Vec<usize>,
+    /// Which arcs end where they begin.
+    pub closed: Vec<bool>,
+    /// Which of these have no junction: they may begin anywhere.
+    pub free: Vec<bool>,
+    /// The arcs of each part, part by part, in the order in which it passes them.
+    pub passages: Vec<Passage>,
+    /// Where each part's begin in `passages`, and at the end how many there are.
+    pub parts: Vec<usize>,
+}
+
+/// The arcs of all parts.
+pub(super) fn cut(parts: &Chains<'_>) -> Result<Arcs> {
+    let position = Bins::new(parts.points, 0.0).same(parts.points);
+    let mut cutter = Cutter::new(parts, &position);
+    (0..parts.count()).for_each(|part| cutter.look(part));
+    (0..parts.count()).try_for_each(|part| cutter.cut(part))?;
+    Ok(cutter.finish())
+}
+
 /// Parts in the course of being cut. Positions are known by the lowest vertex there.
 #[derive(Debug)]
-pub(super) struct Cutter<'a> {
+struct Cutter<'a> {
     parts: &'a Chains<'a>,
     /// The position of each vertex.
     position: &'a [u32],
@@ -31,7 +79,7 @@ pub(super) struct Cutter<'a> {
 }
 
 impl<'a> Cutter<'a> {
-    pub(super) fn new(parts: &'a Chains<'a>, position: &'a [u32]) -> Self {
+    fn new(parts: &'a Chains<'a>, position: &'a [u32]) -> Self {
         let n = parts.points.len();
         let mut arcs = Arcs::default();
         arcs.starts.push(0);
@@ -53,7 +101,7 @@ impl<'a> Cutter<'a> {
     }
 
     /// Learns the junctions of a part.
-    pub(super) fn look(&mut self, part: usize) {
+    fn look(&mut self, part: usize) {
         let is_ring = self.take(part);
         let Some(last) = self.part.len().checked_sub(1) else { return };
         let beyond = |v: u32| if is_ring { v } else { END };
@@ -74,7 +122,7 @@ impl<'a> Cutter<'a> {
     }
 
     /// Cuts a part into arcs; all parts have been seen.
-    pub(super) fn cut(&mut self, part: usize) -> Result<()> {
+    fn cut(&mut self, part: usize) -> Result<()> {
         if part == 0 {
             self.near.fill([NONE; 2]);
         }
@@ -148,7 +196,7 @@ impl<'a> Cutter<'a> {
         Ok(id)
     }
 
-    pub(super) fn finish(self) -> Arcs {
+    fn finish(self) -> Arcs {
         let (mut arcs, points) = (self.arcs, self.parts.points);
         drop((self.near, self.junction, self.short));
         arcs.points = arcs.sources.iter().map(|&v| points[v as usize]).collect();

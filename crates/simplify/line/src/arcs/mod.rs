@@ -15,51 +15,13 @@ mod snap;
 #[cfg(test)]
 mod tests;
 
+pub use cut::{Arcs, Passage};
+
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
 
 use super::topology::{Chains, Kept, open_at};
-use bins::Bins;
-use cut::Cutter;
-
-/// An arc as part of a ring or line: which, and in which direction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Passage(u32);
-
-impl Passage {
-    fn new(arc: u32, backward: bool) -> Self {
-        Self(arc << 1 | u32::from(backward))
-    }
-
-    /// The arc.
-    pub fn arc(self) -> usize {
-        (self.0 >> 1) as usize
-    }
-
-    /// Whether it is passed from its last vertex to its first.
-    pub fn is_backward(self) -> bool {
-        self.0 & 1 == 1
-    }
-}
-
-/// The arcs of a coverage, and the parts that are made of them.
-#[derive(Clone, Debug, Default)]
-pub struct Arcs {
-    /// The vertices of all arcs, arc by arc.
-    pub points: Vec<Xy>,
-    /// For each of them the input's first vertex at its position: where z and m are to be found.
-    pub sources: Vec<u32>,
-    /// The number of each arc's first vertex, and at the end the number of all.
-    pub starts: Vec<usize>,
-    /// Which arcs end where they begin.
-    pub closed: Vec<bool>,
-    /// Which of these have no junction: they may begin anywhere.
-    pub free: Vec<bool>,
-    /// The arcs of each part, part by part, in the order in which it passes them.
-    pub passages: Vec<Passage>,
-    /// Where each part's begin in `passages`, and at the end how many there are.
-    pub parts: Vec<usize>,
-}
+use cut::cut;
 
 /// Parts put together again.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -180,12 +142,4 @@ fn without_repeats(own: &[Xy], is_ring: bool) -> Vec<u32> {
         [.., ref mut last] => *last = own.len() as u32 - 1,
     }
     way
-}
-
-fn cut(parts: &Chains<'_>) -> Result<Arcs> {
-    let position = Bins::new(parts.points, 0.0).same(parts.points);
-    let mut cutter = Cutter::new(parts, &position);
-    (0..parts.count()).for_each(|part| cutter.look(part));
-    (0..parts.count()).try_for_each(|part| cutter.cut(part))?;
-    Ok(cutter.finish())
 }

@@ -23,16 +23,20 @@
 //! are given. They do where coordinates are 0 or between [`LEAST`] and [`MOST`].
 
 mod geographic;
+pub(crate) mod located;
+pub(crate) mod range;
 mod space;
 mod turned;
 mod vertical;
 
-pub use geographic::{Geographic, Located};
+pub use geographic::Geographic;
+pub use located::Located;
 pub use space::Space;
 pub use vertical::{Vertical, is_monotone};
 
-use super::Xy;
 use super::wedge::{PlaneWedge, Wedge};
+use range::{Range, SURELY, over};
+use terrane_base::geom::plane::Xy;
 
 /// A distance from vertices to segments.
 pub trait Metric<V: Copy>: Sync {
@@ -100,89 +104,6 @@ pub const LEAST: f64 = 1e-59;
 #[inline(always)]
 pub fn measurable(c: f64) -> f64 {
     if c.abs() < LEAST { 0.0 } else { c }
-}
-
-/// Leaves room for the rounding of a product or a quotient.
-pub(super) const SURELY: f64 = 1.0 - 1e-14;
-
-/// The larger of two numbers that are not NaN, as one instruction.
-#[inline(always)]
-pub(crate) fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-/// The smaller of two numbers that are not NaN, as one instruction.
-#[inline(always)]
-pub(crate) fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
-
-/// A closed interval.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Range {
-    pub(super) low: f64,
-    pub(super) high: f64,
-}
-
-impl Range {
-    #[inline(always)]
-    pub(super) fn of(value: f64) -> Self {
-        Self { low: value, high: value }
-    }
-
-    #[inline(always)]
-    pub(super) fn join(self, other: Self) -> Self {
-        Self { low: smaller(self.low, other.low), high: larger(self.high, other.high) }
-    }
-
-    #[inline(always)]
-    pub(super) fn minus(self, value: f64) -> Self {
-        Self { low: self.low - value, high: self.high - value }
-    }
-
-    #[inline(always)]
-    pub(super) fn times(self, factor: f64) -> Self {
-        let (a, b) = (self.low * factor, self.high * factor);
-        Self { low: smaller(a, b), high: larger(a, b) }
-    }
-
-    #[inline(always)]
-    pub(super) fn plus_range(self, other: Self) -> Self {
-        Self { low: self.low + other.low, high: self.high + other.high }
-    }
-
-    #[inline(always)]
-    pub(super) fn minus_range(self, other: Self) -> Self {
-        Self { low: self.low - other.high, high: self.high - other.low }
-    }
-
-    /// The product with a range of numbers that are not negative.
-    #[inline(always)]
-    pub(super) fn times_range(self, factor: Self) -> Self {
-        let (a, b) = (self.times(factor.low), self.times(factor.high));
-        a.join(b)
-    }
-
-    /// The largest square of its numbers.
-    #[inline(always)]
-    pub(super) fn most_squared(self) -> f64 {
-        let most = larger(-self.low, self.high);
-        most * most
-    }
-
-    /// The largest square of how far its numbers lie outside of 0 to `limit`.
-    #[inline(always)]
-    pub(super) fn most_over(self, limit: f64) -> f64 {
-        let over = larger(larger(-self.low, self.high - limit), 0.0);
-        over * over
-    }
-}
-
-/// How far `along` lies outside of 0 to `limit`, squared.
-#[inline(always)]
-pub(super) fn over(along: f64, limit: f64) -> f64 {
-    let over = larger(larger(-along, along - limit), 0.0);
-    over * over
 }
 
 /// The Euclidean distance in the plane.

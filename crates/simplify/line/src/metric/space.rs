@@ -1,6 +1,7 @@
 //! The Euclidean distance in space: heights take part.
 
-use super::{Metric, Range, SURELY, cosine, over};
+use super::range::{Range, SURELY, over};
+use super::{Metric, cosine};
 use crate::wedge::{SpaceWedge, difference};
 
 /// The Euclidean distance in space; x, y and z in one unit.

@@ -1,7 +1,8 @@
 //! Bounds of distances by the extremes of vertices across and along a segment.
 
-use super::{PlaneBox, PlaneSegment, Range, larger};
-use crate::Xy;
+use super::range::{Range, larger};
+use super::{PlaneBox, PlaneSegment};
+use terrane_base::geom::plane::Xy;
 
 impl PlaneSegment {
     /// From its begin to its end.

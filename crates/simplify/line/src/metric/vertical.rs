@@ -5,9 +5,10 @@
 //! way the chain runs. Rims of tiles are refined by the loop that refines lines (`line::rdp::refine`);
 //! their distance is decided without rounding.
 
-use super::{Metric, Range, SURELY, cosine};
-use crate::Xy;
+use super::range::{Range, SURELY};
+use super::{Metric, cosine};
 use crate::wedge::SlopeWedge;
+use terrane_base::geom::plane::Xy;
 
 /// The vertical distance of a profile: x, strictly monotone, is where, y the height.
 ///

@@ -1,15 +1,32 @@
-//! How many vertices there are where.
+//! How many vertices there are where, by cells whose sides are powers of two.
 
-use super::tree::Squares;
-use super::{cell, lowest_level};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{MOST, Xy};
 
 /// Most cells along x and along y.
 const SIDE: i64 = 1024;
 
-/// Levels between a cell that has too many vertices and the cells of its finer count.
-const FINER: i32 = 6;
+/// Fraction bits of a float: cells are no smaller than what it leaves of the largest coordinate.
+const BITS: i32 = 52;
+
+/// 2 to the power of `exponent`, which is within the range of normal floats.
+pub(super) fn power(exponent: i32) -> f64 {
+    f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
+}
+
+/// The cell of side 2^level that a position is in.
+#[inline(always)]
+pub(super) fn cell(p: Xy, level: i32) -> [i64; 2] {
+    let scale = power(-level);
+    p.map(|c| (c * scale).floor() as i64)
+}
+
+/// The lowest level for positions of magnitude up to `most`: their cells are whole numbers of 53 bits.
+fn lowest_level(most: f64) -> i32 {
+    // Coordinates beyond 1e140 are refused, and those below 1e-130 are as good as 0.
+    let exponent = (most.max(1e-130).to_bits() >> 52) as i32 - 1022;
+    exponent - BITS
+}
 
 /// Vertices counted by the cells of a grid over all of them, as fine as 1024 x 1024 allow.
 ///
@@ -155,50 +172,5 @@ impl Counts {
         let [low, high] = [0, 1].map(|by| [0, 1].map(|axis| clamp((cell[axis] + by) << up, axis)));
         let sum = |x: i64, y: i64| self.sums[(y * (self.size[0] + 1) + x) as usize];
         sum(high[0], high[1]) + sum(low[0], low[1]) - sum(low[0], high[1]) - sum(high[0], low[1])
-    }
-}
-
-/// Counts by finer cells, where squares would have too many vertices and cannot be divided by the
-/// counts that are known. 32 KiB for each.
-#[derive(Clone, Debug)]
-pub struct Finer<'a> {
-    squares: &'a Squares,
-    /// For each square that is to be divided: the level of its finer cells, and their counts.
-    counts: Vec<(i32, Vec<u64>)>,
-}
-
-impl<'a> Finer<'a> {
-    /// For the crowded cells of `squares`, of these levels.
-    pub(super) fn new(squares: &'a Squares, levels: impl Iterator<Item = i32>) -> Self {
-        let room = |level: i32| {
-            let finer = (level - FINER).max(squares.lowest);
-            (finer, vec![0; 1 << (2 * (level - finer))])
-        };
-        Self { squares, counts: levels.map(room).collect() }
-    }
-
-    /// Counts vertices; those that lie elsewhere are left out.
-    pub fn add(&mut self, points: &[Xy]) {
-        for &p in points {
-            if let Some((crowded, level)) = self.squares.crowded_at(p) {
-                let (finer, counts) = &mut self.counts[crowded];
-                let side = 1 << (level - *finer);
-                let at = cell(p, *finer).map(|c| c & (side - 1));
-                counts[(at[1] * side + at[0]) as usize] += 1;
-            }
-        }
-    }
-
-    /// The counts of each crowded cell, given with its level.
-    pub(super) fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<Counts> {
-        let counts = self.counts.into_iter().zip(cells);
-        let made = counts.map(|((finer, counts), (cell, level))| {
-            let up = level - finer;
-            let low = cell.map(|c| c << up);
-            let high = low.map(|c| c + (1 << up) - 1);
-            let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
-            Counts::new(finer, [low, high], count)
-        });
-        made.collect()
     }
 }

@@ -35,30 +35,6 @@ mod runs;
 mod tests;
 mod tree;
 
-pub use census::{Census, Finer};
+pub use census::Census;
 pub use runs::{Run, cross_overs, cut};
-pub use tree::{Place, Squares};
-
-use terrane_base::geom::plane::Xy;
-
-/// Fraction bits of a float: cells are no smaller than what it leaves of the largest coordinate.
-const BITS: i32 = 52;
-
-/// 2 to the power of `exponent`, which is within the range of normal floats.
-fn power(exponent: i32) -> f64 {
-    f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
-}
-
-/// The cell of side 2^level that a position is in.
-#[inline(always)]
-fn cell(p: Xy, level: i32) -> [i64; 2] {
-    let scale = power(-level);
-    p.map(|c| (c * scale).floor() as i64)
-}
-
-/// The lowest level for positions of magnitude up to `most`: their cells are whole numbers of 53 bits.
-fn lowest_level(most: f64) -> i32 {
-    // Coordinates beyond 1e140 are refused, and those below 1e-130 are as good as 0.
-    let exponent = (most.max(1e-130).to_bits() >> 52) as i32 - 1022;
-    exponent - BITS
-}
+pub use tree::{Finer, Place, Squares};

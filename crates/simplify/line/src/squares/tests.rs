@@ -2,6 +2,7 @@
 
 use super::*;
 use proptest::prelude::*;
+use terrane_base::geom::plane::Xy;
 
 /// Positions of a few magnitudes, most of them crowded together.
 fn positions() -> impl Strategy<Value = Vec<Xy>> {

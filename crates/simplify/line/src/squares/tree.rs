@@ -2,10 +2,12 @@
 
 use std::cmp::Ordering;
 
-use super::census::{Census, Counts, Finer};
-use super::power;
+use super::census::{Census, Counts, cell, power};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{Xy, orient};
+
+/// Levels between a cell that has too many vertices and the cells of its finer count.
+const FINER: i32 = 6;
 
 /// What a node of the tree is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +74,7 @@ pub struct Squares {
     /// Most vertices of a square.
     most: u64,
     /// The lowest level that cells may have.
-    pub(super) lowest: i32,
+    lowest: i32,
 }
 
 /// The square that was found last, which is the next one's, too, more often than not.
@@ -190,7 +192,7 @@ impl Squares {
     }
 
     /// Which crowded cell a position is in, and its level.
-    pub(super) fn crowded_at(&self, p: Xy) -> Option<(usize, i32)> {
+    fn crowded_at(&self, p: Xy) -> Option<(usize, i32)> {
         let node = self.leaf(p)?;
         match node.kind {
             Kind::Crowded(crowded) => Some((crowded as usize, node.level)),
@@ -249,5 +251,50 @@ impl Squares {
             }
         }
         found.sort_unstable();
+    }
+}
+
+/// Counts by finer cells, where squares would have too many vertices and cannot be divided by the
+/// counts that are known. 32 KiB for each.
+#[derive(Clone, Debug)]
+pub struct Finer<'a> {
+    squares: &'a Squares,
+    /// For each square that is to be divided: the level of its finer cells, and their counts.
+    counts: Vec<(i32, Vec<u64>)>,
+}
+
+impl<'a> Finer<'a> {
+    /// For the crowded cells of `squares`, of these levels.
+    fn new(squares: &'a Squares, levels: impl Iterator<Item = i32>) -> Self {
+        let room = |level: i32| {
+            let finer = (level - FINER).max(squares.lowest);
+            (finer, vec![0; 1 << (2 * (level - finer))])
+        };
+        Self { squares, counts: levels.map(room).collect() }
+    }
+
+    /// Counts vertices; those that lie elsewhere are left out.
+    pub fn add(&mut self, points: &[Xy]) {
+        for &p in points {
+            if let Some((crowded, level)) = self.squares.crowded_at(p) {
+                let (finer, counts) = &mut self.counts[crowded];
+                let side = 1 << (level - *finer);
+                let at = cell(p, *finer).map(|c| c & (side - 1));
+                counts[(at[1] * side + at[0]) as usize] += 1;
+            }
+        }
+    }
+
+    /// The counts of each crowded cell, given with its level.
+    fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<Counts> {
+        let counts = self.counts.into_iter().zip(cells);
+        let made = counts.map(|((finer, counts), (cell, level))| {
+            let up = level - finer;
+            let low = cell.map(|c| c << up);
+            let high = low.map(|c| c + (1 << up) - 1);
+            let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
+            Counts::new(finer, [low, high], count)
+        });
+        made.collect()
     }
 }

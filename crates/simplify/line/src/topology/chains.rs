@@ -1,8 +1,26 @@
 //! Chains of vertices, and which of their vertices are kept.
 
-use super::Refine;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{LEAST, MOST, Xy};
+
+/// Appends to the last argument, ascending, the vertices that a method keeps strictly between two
+/// vertices of a chain: `(chain, from, to, kept)`.
+pub type Refine<'a> = dyn FnMut(usize, u32, u32, &mut Vec<u32>) + 'a;
+
+/// A method of [`METHODS`](crate::METHODS) as [`Refine`]: `method` appends the indices of what it keeps of a
+/// slice of `vertices`, first and last included.
+pub fn refining<'a, V>(
+    vertices: &'a [V],
+    mut method: impl FnMut(&[V], &mut Vec<u32>) + 'a,
+) -> impl FnMut(usize, u32, u32, &mut Vec<u32>) + 'a {
+    let mut indices = Vec::new();
+    move |_, from, to, kept| {
+        indices.clear();
+        method(&vertices[from as usize..=to as usize], &mut indices);
+        let last = indices.len().saturating_sub(1);
+        kept.extend(indices.iter().take(last).skip(1).map(|i| i + from));
+    }
+}
 
 /// Lines, rings or arcs: all vertices in one slice, chain after chain.
 ///
@@ -97,7 +115,7 @@ impl Kept {
         self.starts.push(self.vertices.len());
     }
 
-    /// What a method keeps of every chain, as [`super::Refine`] has it.
+    /// What a method keeps of every chain, as [`Refine`] has it.
     pub fn simplified(chains: &Chains<'_>, method: &mut Refine<'_>) -> Self {
         let mut kept = Self::new();
         for chain in 0..chains.count() {

@@ -32,6 +32,7 @@
 
 mod chains;
 mod cross;
+mod options;
 mod proactive;
 mod region;
 mod rings;
@@ -42,79 +43,14 @@ mod settle;
 mod tests;
 mod tree;
 
-pub use chains::{Chains, Kept, open_at};
+pub use chains::{Chains, Kept, Refine, open_at, refining};
 pub use cross::conflict;
+pub use options::{Collapse, Options, Strategy};
 pub use round::{Rounded, round};
 
-use terrane_base::Cancel;
+use scan::Points;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
-use terrane_options::Choice;
-use tree::{Bounds, Tree};
-
-/// What to do with rings that collapse: of which fewer than three vertices would be kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
-pub enum Collapse {
-    /// The smallest ring that keeps to the tolerance
-    ///
-    /// It has three vertices, or as many more as the rules ask for.
-    #[default]
-    Minimal,
-    /// They go
-    ///
-    /// Nothing of a ring is kept, if it is one as a whole.
-    Drop,
-    /// All of their vertices stay
-    Keep,
-}
-
-/// When a segment is tested.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
-pub enum Strategy {
-    /// Simplify, then put vertices back where lines cross
-    ///
-    /// All chains are simplified, then what is wrong is refined, until nothing is.
-    #[default]
-    Retroactive,
-    /// Test each segment before it is accepted
-    ///
-    /// A segment is accepted only when all vertices that are there at the time are on the right side
-    /// of it: those accepted so far, and all vertices of chains to come. Slower, and keeps more where
-    /// chains are close, as a chain has to leave room for details that the next one loses.
-    Proactive,
-}
-
-/// How to untangle.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Options<'a> {
-    /// When segments are tested.
-    pub strategy: Strategy,
-    /// What becomes of rings that collapse.
-    pub collapse: Collapse,
-    /// Which chains are but loops of something longer, and are never dropped; none where it is shorter.
-    pub loops: &'a [bool],
-    /// What may stop the work.
-    pub cancel: Option<&'a Cancel>,
-}
-
-/// Appends to the last argument, ascending, the vertices that a method keeps strictly between two
-/// vertices of a chain: `(chain, from, to, kept)`.
-pub type Refine<'a> = dyn FnMut(usize, u32, u32, &mut Vec<u32>) + 'a;
-
-/// A method of [`super::METHODS`] as [`Refine`]: `method` appends the indices of what it keeps of a
-/// slice of `vertices`, first and last included.
-pub fn refining<'a, V>(
-    vertices: &'a [V],
-    mut method: impl FnMut(&[V], &mut Vec<u32>) + 'a,
-) -> impl FnMut(usize, u32, u32, &mut Vec<u32>) + 'a {
-    let mut indices = Vec::new();
-    move |_, from, to, kept| {
-        indices.clear();
-        method(&vertices[from as usize..=to as usize], &mut indices);
-        let last = indices.len().saturating_sub(1);
-        kept.extend(indices.iter().take(last).skip(1).map(|i| i + from));
-    }
-}
 
 /// Simplified chains that cross nothing, and how they came to be.
 #[derive(Clone, Debug, Default)]
@@ -192,20 +128,4 @@ pub fn untangle_within(
         rounds: settling.rounds,
         kept: settling.into_kept(&kept),
     })
-}
-
-/// Given points, and who is near whom.
-#[derive(Debug)]
-struct Points<'a> {
-    at: &'a [Xy],
-    tree: Tree,
-}
-
-impl<'a> Points<'a> {
-    fn new(at: &'a [Xy]) -> Result<Self> {
-        let alone = Chains { points: at, starts: &[0, at.len()], closed: &[false] };
-        alone.check().map_err(|e| e.at("points that keep their side"))?;
-        let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| Bounds { low: p, high: p })).collect();
-        Ok(Self { at, tree: Tree::new(&boxes) })
-    }
 }

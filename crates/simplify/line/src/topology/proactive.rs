@@ -1,10 +1,9 @@
 //! Segments tested before they are accepted.
 
-use super::chains::{Chains, Kept};
+use super::chains::{Chains, Kept, Refine};
 use super::region::farthest;
-use super::scan::any_held;
+use super::scan::{Points, any_held};
 use super::tree::{Bounds, Tree};
-use super::{Points, Refine};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;

@@ -2,9 +2,9 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{Chains, Kept};
+use super::chains::{Chains, Kept, Refine};
+use super::options::{Collapse, Options};
 use super::region::farthest;
-use super::{Collapse, Options, Refine};
 use terrane_base::geom::plane::{Xy, area_sign, orient};
 
 /// What became of the rings.

@@ -31,6 +31,22 @@ const LONG: u32 = 48;
 /// Candidates of long pieces that are held before they are tested.
 const MOST_HELD: usize = 1 << 20;
 
+/// Given points, and who is near whom.
+#[derive(Debug)]
+pub(super) struct Points<'a> {
+    pub(super) at: &'a [Xy],
+    pub(super) tree: Tree,
+}
+
+impl<'a> Points<'a> {
+    pub(super) fn new(at: &'a [Xy]) -> Result<Self> {
+        let alone = Chains { points: at, starts: &[0, at.len()], closed: &[false] };
+        alone.check().map_err(|e| e.at("points that keep their side"))?;
+        let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| Bounds { low: p, high: p })).collect();
+        Ok(Self { at, tree: Tree::new(&boxes) })
+    }
+}
+
 /// What a scan found.
 #[derive(Debug, Default)]
 pub(super) struct Found {

@@ -2,11 +2,10 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{Chains, Kept};
+use super::chains::{Chains, Kept, Refine};
 use super::region::farthest;
-use super::scan::{Found, Layer, Piece, View};
+use super::scan::{Found, Layer, Piece, Points, View};
 use super::tree::Bounds;
-use super::{Points, Refine};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};

@@ -5,8 +5,8 @@ mod worlds;
 
 use super::*;
 use std::cmp::Ordering;
-use terrane_base::ErrorKind;
 use terrane_base::geom::plane::area_sign;
+use terrane_base::{Cancel, ErrorKind};
 use worlds::{Dice, World};
 
 /// Plain Ramer-Douglas-Peucker: appends what lies strictly between two vertices.
