@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::folder_for;
 
 /// Fails when the file system of `folder` has less than about `needed` bytes free.
 pub fn check(folder: &Path, needed: u64) -> Result<()> {
@@ -14,6 +15,34 @@ pub fn check(folder: &Path, needed: u64) -> Result<()> {
         .in_file(folder)
         .remedy("free some space, or choose another folder")),
         _ => Ok(()),
+    }
+}
+
+/// Whether a run is to begin at all where the disk seems to have too little room.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DiskCheck {
+    /// Fail before the work.
+    #[default]
+    On,
+    /// Begin all the same: the user knows better.
+    Off,
+}
+
+impl DiskCheck {
+    /// Fails when the disks of the plan's `folder` and of `output` will not hold the results that are
+    /// not there yet and the output.
+    pub fn check(self, folder: &Path, output: &Path, [objects, written]: [u64; 2]) -> Result<()> {
+        if self == Self::Off {
+            return Ok(());
+        }
+        let beside = folder_for(output, None);
+        let checked = match are_one(folder, beside) {
+            true => check(folder, objects + written),
+            false => check(folder, objects).and_then(|()| check(beside, written)),
+        };
+        checked.map_err(|error| {
+            error.remedy("free some space, choose another folder, or pass ‹no_disk_check›")
+        })
     }
 }
 

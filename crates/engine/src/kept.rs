@@ -8,17 +8,15 @@ use serde::{Deserialize, Serialize};
 use crate::Resources;
 use crate::beside::Beside;
 use crate::breaklines::Breaklines;
-use crate::on_cloud::OnCloud;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Point, Rect};
-use terrane_cloud::CloudInfo;
+use terrane_base::geom::{Crs, Rect};
 use terrane_raster::{GridInfo, Water};
 
 /// What a mesh has to keep, where it is in the world.
 #[derive(Default)]
 pub struct Features {
-    points: Option<Points>,
-    lines: Option<Points>,
+    pub(super) points: Option<Points>,
+    pub(super) lines: Option<Points>,
     water: Option<Arc<Water>>,
 }
 
@@ -57,14 +55,6 @@ impl Features {
     /// Those of these points and lines.
     pub fn of(points: Option<Points>, lines: Option<Points>) -> Self {
         Self { points, lines, water: None }
-    }
-
-    /// Where it is on a cloud within `bounds`. Time O(n log n) for n points.
-    ///
-    /// # Errors
-    /// Features in another system; heights beyond all bounds.
-    pub fn on_cloud(self, info: &CloudInfo, bounds: [Point; 2]) -> Result<OnCloud> {
-        OnCloud::new((self.points, self.lines), info, bounds)
     }
 
     /// True where there are lines for edges to follow.

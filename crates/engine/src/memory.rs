@@ -101,17 +101,6 @@ pub fn short(message: impl Into<String>, enough: u64) -> Error {
     Error::new(ErrorKind::Resource, message).remedy(remedy)
 }
 
-/// The bytes that a text such as "512M", "4GiB" or "2000000" stands for; `None` for one that is none.
-pub fn parse(text: &str) -> Option<u64> {
-    let lower = text.trim().to_ascii_lowercase();
-    let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
-    let (value, unit) = (lower[..digits].parse::<f64>().ok()?, lower[digits..].trim());
-    let unit = unit.strip_suffix("ib").or(unit.strip_suffix('b')).unwrap_or(unit);
-    let shift = ["", "k", "m", "g", "t"].iter().position(|known| *known == unit)?;
-    let bytes = value * (1u64 << (10 * shift)) as f64;
-    (1.0..1e18).contains(&bytes).then_some(bytes as u64)
-}
-
 /// Bytes of the polygons that points are within.
 pub fn polygon_bytes(options: &cloud::OpenOptions) -> u64 {
     options.filter.polygon.as_ref().map_or(0, |polygon| polygon.bytes())

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use crate::breaklines::BreaklinesReport;
-use crate::kept::{KeptReport, Points};
+use crate::kept::{Features, KeptReport, Points};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Ends, Frame, Point, REACH, cut};
 use terrane_cloud::CloudInfo;
@@ -31,6 +31,16 @@ pub struct OnCloud {
     lines_beyond: u64,
     /// How often each of `lines` is in the file, where that is more than once.
     repeats: Vec<(u32, u64)>,
+}
+
+impl Features {
+    /// Where it is on a cloud within `bounds`. Time O(n log n) for n points.
+    ///
+    /// # Errors
+    /// Features in another system; heights beyond all bounds.
+    pub fn on_cloud(self, info: &CloudInfo, bounds: [Point; 2]) -> Result<OnCloud> {
+        OnCloud::new((self.points, self.lines), info, bounds)
+    }
 }
 
 impl OnCloud {

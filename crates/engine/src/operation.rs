@@ -10,16 +10,17 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Map, Value as Json};
 use terrane_options::{
-    Options, Role, Table, changed, check, check_given, check_planned, fill, to_map,
+    Codec, Options, Role, Table, changed, check, check_given, check_planned, fill, to_map,
 };
 
 use crate::options::{
-    CloudInput, FeatureInput, FileOutput, GridInput, GridOutput, PointFilter, Replacing,
+    CloudInput, FeatureInput, FileOutput, FileSize, GridInput, GridOutput, PointFilter, Replacing,
 };
 use crate::outputs::not_among;
-use crate::plan::{AnyPlan, Division, Kind, RunJob, RunReport, StatusReport, Written};
+pub use crate::plan::AnyOperation;
+use crate::plan::{Kind, RunJob, RunReport, StatusReport, Written};
 use crate::sift::Skipped;
-use crate::{Cancel, Progress, Resources, Silent, memory};
+use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;
 use terrane_files::path_of;
@@ -235,26 +236,6 @@ pub trait Divisible: Operation {
     ) -> Result<RunReport<Self::Done>>;
 }
 
-/// An operation whose type does not matter any more.
-pub struct AnyOperation {
-    /// Its name, with dashes.
-    pub name: &'static str,
-    /// Its options.
-    pub table: &'static Table,
-    /// What it reads.
-    pub reads: Reads,
-    /// What it writes.
-    pub writes: Writes,
-    /// The defaults of its options.
-    pub defaults: fn() -> Map<String, Json>,
-    /// What can be known of options by name before anything is opened.
-    pub check: fn(&Map<String, Json>, &Path) -> Result<()>,
-    /// Runs it with options by name, where how the grid is read is said already.
-    pub run: fn(&Call<'_>) -> Result<Json>,
-    /// What its plans do, where it can be divided.
-    pub division: Option<Division>,
-}
-
 /// What a run is asked for.
 pub struct Call<'a> {
     /// What it reads and writes.
@@ -263,40 +244,6 @@ pub struct Call<'a> {
     pub reading: Map<String, Json>,
     /// Options by name.
     pub options: &'a Map<String, Json>,
-}
-
-impl AnyOperation {
-    /// The operation of these options.
-    pub const fn of<O: Operation>() -> Self {
-        let defaults = || to_map(&O::default());
-        let (reads, writes) = (<O::Input as Input>::READS, O::WRITES);
-        let (name, table, division) = (O::NAME, O::TABLE, None);
-        let (check, run) = (check_options::<O>, run::<O>);
-        Self { name, table, reads, writes, defaults, check, run, division }
-    }
-
-    /// The same of options whose work can be divided.
-    pub const fn divisible<O: Divisible>() -> Self {
-        Self { division: Some(Division::of::<O>()), ..Self::of::<O>() }
-    }
-
-    /// What a task of its plan has so many of, for people, where it can be divided.
-    pub fn task_size(&self) -> Option<&'static str> {
-        self.division.map(|division| division.task_size)
-    }
-
-    /// Writes down the work in a folder, which is the output of the call.
-    ///
-    /// # Errors
-    /// An operation that cannot be divided; those of [`Job::plan`].
-    pub fn plan(&self, call: &Call<'_>, task_size: Option<u32>) -> Result<AnyPlan> {
-        let Some(division) = self.division else {
-            return Err(Error::usage(format!("{} is not divided into tasks", self.name))
-                .remedy("run it as a whole"));
-        };
-        (division.plan)(call, task_size)?;
-        AnyPlan::divided(call.request.output, division)
-    }
 }
 
 impl Call<'_> {
@@ -364,7 +311,7 @@ pub fn plan_of<O: Divisible>(
     options.plan(request, task_size)
 }
 
-fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
+pub(crate) fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
     let options: O = filled(&call.given(), call.options)?;
     check_all(&options, call.request)?;
     let report = options.run(call.request)?;
@@ -372,7 +319,7 @@ fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
         .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
 }
 
-fn check_options<O: Operation>(given: &Map<String, Json>, output: &Path) -> Result<()> {
+pub(crate) fn check_options<O: Operation>(given: &Map<String, Json>, output: &Path) -> Result<()> {
     filled::<O>(given, given)?.check(output)
 }
 
@@ -441,7 +388,7 @@ impl From<u64> for Memory {
 
 impl From<&str> for Memory {
     fn from(text: &str) -> Self {
-        Self(memory::parse(text).ok_or_else(|| text.to_owned()))
+        Self(FileSize::parse(text).map_err(|_| text.to_owned()))
     }
 }
 

@@ -2,15 +2,13 @@
 
 mod codecs;
 
-use std::num::NonZeroU32;
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use terrane_options::{Options, Range, Rule, changed, settled};
+use terrane_options::{Options, Range, Rule, changed};
 
-use crate::plan::DiskCheck;
+use crate::beside;
+use crate::disk::DiskCheck;
 use crate::transform::Transform;
-use crate::{Resources, beside, reading};
 pub use codecs::{
     AsFormula, AsNumber, BoundName, Bounds, Bytes, CellSize, CrsText, FileName, FileSize, Finite,
     FiniteOrNan, Interval, KeyValue, MarkName, Place, PointFormatNumber, PrintLength, PrintScale,
@@ -18,8 +16,7 @@ pub use codecs::{
 };
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::wkt;
-use terrane_cloud::{Condition, Filter, Flags, OpenOptions};
+use terrane_cloud::{Condition, Flags};
 
 /// How a grid is read
 #[derive(Clone, Debug, PartialEq, Options)]
@@ -115,34 +112,6 @@ pub struct CloudInput {
     /// Which points.
     #[option(flatten)]
     pub points: PointFilter,
-}
-
-impl CloudInput {
-    /// How clouds are opened. Reads the polygons.
-    ///
-    /// # Errors
-    /// A file of polygons that cannot be read, or holds anything else; more edges than half of the memory holds.
-    pub fn options(&self, resources: &Resources) -> terrane_base::Result<OpenOptions> {
-        let Self { bounds, clip, points } = settled(self)?;
-        let polygon = clip.map(|name| reading::polygon(&name, resources)).transpose()?;
-        let mut classes = points.class;
-        classes.sort_unstable();
-        classes.dedup();
-        let filter = Filter {
-            classes: (!classes.is_empty()).then_some(classes),
-            returns: points.returns,
-            keep_withheld: points.keep_withheld,
-            drop: points.drop_flag.iter().fold(Flags::default(), |all, flag| all.and(*flag)),
-            bounds,
-            polygon: polygon.map(Arc::new),
-            z_range: points.z_range,
-            condition: points.condition,
-            every: points.every.and_then(NonZeroU32::new),
-        };
-        let (salvage, threads) = (points.salvage, resources.threads);
-        let crs = points.crs.as_deref().map(wkt::of_srs);
-        Ok(OpenOptions { filter, salvage, crs, threads, ..OpenOptions::default() })
-    }
 }
 
 /// What stays in a mesh

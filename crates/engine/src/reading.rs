@@ -1,15 +1,17 @@
-//! How a grid is read: its band, its voids, its water, and the polygons it is clipped to.
+//! How a grid is read: its band, its voids, its water, and the polygons it is clipped to; and which points of a cloud.
 
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::Resources;
 use crate::beside::{self, Beside};
-use crate::options::GridInput;
+use crate::options::{CloudInput, GridInput};
 use crate::water;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Crs;
-use terrane_cloud::{Polygon, PolygonRings};
+use terrane_base::geom::{Crs, wkt};
+use terrane_cloud::{self as cloud, Filter, Flags, Polygon, PolygonRings};
+use terrane_options::settled;
 use terrane_raster::{Clip, ClipRings, OpenOptions};
 use terrane_vector::Feature;
 
@@ -47,6 +49,34 @@ impl GridInput {
     /// The files of polygons and of water, and what else is read with them.
     pub fn files(&self) -> Vec<PathBuf> {
         self.clip.iter().chain(&self.water).flat_map(|name| beside::files(name)).collect()
+    }
+}
+
+impl CloudInput {
+    /// How clouds are opened. Reads the polygons.
+    ///
+    /// # Errors
+    /// A file of polygons that cannot be read, or holds anything else; more edges than half of the memory holds.
+    pub fn options(&self, resources: &Resources) -> Result<cloud::OpenOptions> {
+        let Self { bounds, clip, points } = settled(self)?;
+        let polygon = clip.map(|name| polygon(&name, resources)).transpose()?;
+        let mut classes = points.class;
+        classes.sort_unstable();
+        classes.dedup();
+        let filter = Filter {
+            classes: (!classes.is_empty()).then_some(classes),
+            returns: points.returns,
+            keep_withheld: points.keep_withheld,
+            drop: points.drop_flag.iter().fold(Flags::default(), |all, flag| all.and(*flag)),
+            bounds,
+            polygon: polygon.map(Arc::new),
+            z_range: points.z_range,
+            condition: points.condition,
+            every: points.every.and_then(NonZeroU32::new),
+        };
+        let (salvage, threads) = (points.salvage, resources.threads);
+        let crs = points.crs.as_deref().map(wkt::of_srs);
+        Ok(cloud::OpenOptions { filter, salvage, crs, threads, ..cloud::OpenOptions::default() })
     }
 }
 

@@ -7,12 +7,12 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::memory::short;
+pub use crate::held::{SHARE, check_room, read};
 use crate::{Resources, beside, geoid};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
 use terrane_crs::{Operation, Options, ShiftGrid};
-use terrane_files::{RawFile, name_of, path_of};
+use terrane_files::{name_of, path_of};
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridInfo;
 use terrane_vector::{Coordinates, Feature, FeatureSink, Member, Written};
@@ -39,9 +39,6 @@ pub struct Transformed {
     /// How right that is, in metres; 0 within one datum, nothing where it is not known.
     pub accuracy: Option<f64>,
 }
-
-/// A grid of shifts or a geoid may take one part in so many of the memory, beside what is divided.
-pub const SHARE: u64 = 8;
 
 impl Transformed {
     /// What is told of an operation.
@@ -102,23 +99,6 @@ impl Transform {
             Options { extent, shift_grid: shift_grid.transpose()?, geoid: geoid.transpose()? };
         Operation::between(from, &wkt::of_srs(&self.target), &options)
     }
-}
-
-/// All of a file that takes a small part of the memory.
-pub fn read(path: &Path, resources: &Resources) -> Result<Vec<u8>> {
-    let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
-    check_room(file.size(), resources.memory).map_err(|e| e.in_file(path))?;
-    file.read_vec(0, file.size())
-}
-
-/// Fails where a file that is held whole leaves too little memory for the rest.
-pub fn check_room(bytes: u64, memory: u64) -> Result<()> {
-    let needed = bytes.saturating_mul(SHARE);
-    if needed <= memory {
-        return Ok(());
-    }
-    let message = format!("is held whole, and takes more than a part in {SHARE} of the memory");
-    Err(short(message, needed))
 }
 
 /// The rectangle that the samples of a grid lie in.

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use serde_json::Value as Json;
 use terrane_options::{Codec, Kind, Named};
 
-use crate::memory;
 use terrane_base::attribute::Return;
 use terrane_base::bound::Bound;
 use terrane_base::error::Error;
@@ -163,12 +162,11 @@ impl Codec<u64> for Bytes {
     const KIND: Kind = Kind::Shaped("int | str");
 
     fn parse(text: &str) -> Result<u64, String> {
-        match memory::parse(text) {
-            Some(few) if few < LEAST_BYTES => {
+        match FileSize::parse(text)? {
+            ..LEAST_BYTES => {
                 Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
             }
-            Some(bytes) => Ok(bytes),
-            None => Err("expected a size such as 512M or 4GiB".to_owned()),
+            bytes => Ok(bytes),
         }
     }
 
@@ -184,12 +182,23 @@ impl Codec<u64> for FileSize {
     const KIND: Kind = Kind::Shaped("int | str");
 
     fn parse(text: &str) -> Result<u64, String> {
-        memory::parse(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
+        size(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
     }
 
     fn json(value: &u64) -> Json {
         (*value).into()
     }
+}
+
+/// The bytes that a text such as "512M", "4GiB" or "2000000" stands for; `None` for one that is none.
+fn size(text: &str) -> Option<u64> {
+    let lower = text.trim().to_ascii_lowercase();
+    let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
+    let (value, unit) = (lower[..digits].parse::<f64>().ok()?, lower[digits..].trim());
+    let unit = unit.strip_suffix("ib").or(unit.strip_suffix('b')).unwrap_or(unit);
+    let shift = ["", "k", "m", "g", "t"].iter().position(|known| *known == unit)?;
+    let bytes = value * (1u64 << (10 * shift)) as f64;
+    (1.0..1e18).contains(&bytes).then_some(bytes as u64)
 }
 
 /// `KEY=VAL`, in any case.

@@ -1,11 +1,18 @@
-//! Plans of any kind, as a program has them.
+//! Operations and plans of any kind, as a program has them.
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{Options, Range, check};
+use serde_json::{Map, Value as Json};
+use terrane_options::{Options, Range, Table, check, to_map};
 
-use super::{DiskCheck, Form, Kind, RunJob, RunReport, StatusReport, TaskReport, Written, kind};
-use crate::operation::{AnyOperation, Call, Divisible, Job, divide, plan_of};
+use super::report::{RunReport, StatusReport, TaskReport, Written};
+use super::run::RunJob;
+use super::sheet::{Kind, kind};
+use super::work::Form;
+use crate::disk::DiskCheck;
+use crate::operation::{
+    self, Call, Divisible, Input, Job, Operation, Reads, Writes, divide, plan_of,
+};
 use crate::options::{FileName, Replacing};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
@@ -42,6 +49,60 @@ impl Division {
             status: |folder| O::status(folder).map(PlanStatus::of),
             run: |job, progress, cancel| O::run_plan(job, progress, cancel).map(PlanRun::of),
         }
+    }
+}
+
+/// An operation whose type does not matter any more.
+pub struct AnyOperation {
+    /// Its name, with dashes.
+    pub name: &'static str,
+    /// Its options.
+    pub table: &'static Table,
+    /// What it reads.
+    pub reads: Reads,
+    /// What it writes.
+    pub writes: Writes,
+    /// The defaults of its options.
+    pub defaults: fn() -> Map<String, Json>,
+    /// What can be known of options by name before anything is opened.
+    pub check: fn(&Map<String, Json>, &Path) -> Result<()>,
+    /// Runs it with options by name, where how the grid is read is said already.
+    pub run: fn(&Call<'_>) -> Result<Json>,
+    /// What its plans do, where it can be divided.
+    pub division: Option<Division>,
+}
+
+impl AnyOperation {
+    /// The operation of these options.
+    pub const fn of<O: Operation>() -> Self {
+        let defaults = || to_map(&O::default());
+        let (reads, writes) = (<O::Input as Input>::READS, O::WRITES);
+        let (name, table, division) = (O::NAME, O::TABLE, None);
+        let (check, run) = (operation::check_options::<O>, operation::run::<O>);
+        Self { name, table, reads, writes, defaults, check, run, division }
+    }
+
+    /// The same of options whose work can be divided.
+    pub const fn divisible<O: Divisible>() -> Self {
+        Self { division: Some(Division::of::<O>()), ..Self::of::<O>() }
+    }
+
+    /// What a task of its plan has so many of, for people, where it can be divided.
+    pub fn task_size(&self) -> Option<&'static str> {
+        self.division.map(|division| division.task_size)
+    }
+
+    /// Writes down the work in a folder, which is the output of the call.
+    ///
+    /// # Errors
+    /// An operation that cannot be divided; those of [`Job::plan`].
+    pub fn plan(&self, call: &Call<'_>, task_size: Option<u32>) -> Result<Plan> {
+        let Some(division) = self.division else {
+            return Err(Error::usage(format!("{} is not divided into tasks", self.name))
+                .remedy("run it as a whole"));
+        };
+        (division.plan)(call, task_size)?;
+        Plan::divided(call.request.output, division)
     }
 }
 

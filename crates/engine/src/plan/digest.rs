@@ -1,8 +1,17 @@
 //! Digests (BLAKE3) that results are known by.
 
 use std::fmt;
+use std::fs::File;
+use std::io::Read;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
+
+use crate::Cancel;
+use terrane_base::error::{Error, Result};
+
+/// Bytes of a result that are read at a time.
+const PIECE_BYTES: usize = 1 << 20;
 
 /// 256 bits that stand for some bytes.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,4 +76,22 @@ impl TryFrom<String> for Digest {
             false => Err("no digest: not as it is written".to_owned()),
         }
     }
+}
+
+/// Of the bytes of files, one after the other.
+pub fn digest_of(files: &[PathBuf], cancel: &Cancel) -> Result<Digest> {
+    let mut hasher = blake3::Hasher::new();
+    let mut piece = vec![0; PIECE_BYTES];
+    for path in files {
+        let fail = |e| Error::read(path, e);
+        let mut file = File::open(path).map_err(fail)?;
+        loop {
+            cancel.check()?;
+            match file.read(&mut piece).map_err(fail)? {
+                0 => break,
+                bytes => hasher.update(&piece[..bytes]),
+            };
+        }
+    }
+    Ok(Digest(*hasher.finalize().as_bytes()))
 }

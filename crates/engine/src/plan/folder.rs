@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::object::{Done, Place};
+use super::digest::Digest;
+use super::object::{Done, Look, OBJECTS, Place};
 use super::output::FINISHED;
 use super::report::TaskReport;
-use super::sheet::PLAN;
-use super::work::{At, Named, Numbered};
-use super::{Digest, Look, OBJECTS, Plan, Work};
+use super::sheet::{PLAN, Plan};
+use super::work::{At, Named, Numbered, Work};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 const LOCK: &str = "lock";

@@ -8,9 +8,29 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::{Digest, Look, damaged_object as damaged, digest_of, write_json};
+use super::digest::{Digest, digest_of};
+use super::note::write_json;
 use crate::Cancel;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// The folder of objects.
+pub(super) const OBJECTS: &str = "objects";
+
+/// How thoroughly results are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// What stands for the rest.
+    Quick,
+    /// Every byte.
+    Whole,
+}
+
+/// The error of an object that is not what was written.
+pub fn damaged_object(path: &Path) -> Error {
+    Error::new(ErrorKind::Io, "is damaged")
+        .in_file(path)
+        .remedy("run the plan, which makes it anew: ‹terrane plan run›")
+}
 
 /// Where an object lies, and the key it is known by.
 pub(super) struct Place {
@@ -53,15 +73,15 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
         let Some(text) = found(std::fs::read(&note), &note)? else { return Ok(None) };
         let meta = found(std::fs::metadata(&place.file), &place.file)?;
         let Some(meta) = meta else { return Ok(None) };
-        let done: Self = serde_json::from_slice(&text).map_err(|_| damaged(&note))?;
+        let done: Self = serde_json::from_slice(&text).map_err(|_| damaged_object(&note))?;
         // The text itself, too: a name that is damaged reads as a value that is not there.
         let is_own = serde_json::to_vec_pretty(&done).is_ok_and(|own| own == text);
         if !is_own || done.key != place.key || done.clone().sealed() != done {
-            return Err(damaged(&note));
+            return Err(damaged_object(&note));
         }
         let digest = || digest_of(std::slice::from_ref(&place.file), cancel);
         if done.bytes != meta.len() || (look == Look::Whole && digest()? != done.digest) {
-            return Err(damaged(&place.file));
+            return Err(damaged_object(&place.file));
         }
         Ok(Some(done))
     }

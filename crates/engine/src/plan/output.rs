@@ -12,12 +12,14 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::digest::{Digest, digest_of};
+use super::note::{no_folder, noted_path, write_json};
+use super::object::Look;
 use super::report::Told;
-use super::{Digest, Look, digest_of, no_folder, noted_path, parent, write_json};
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
-use terrane_files::{name_of, path_of};
+use terrane_files::{folder_for, name_of, path_of};
 use terrane_mesh::split;
 
 /// Its file in the folder.
@@ -119,7 +121,7 @@ impl Output {
             }
             state => overwrite || matches!(state, State::Begun),
         };
-        if !parent(&self.path).is_dir() {
+        if !folder_for(&self.path, None).is_dir() {
             return Err(no_folder(&self.path, std::io::ErrorKind::NotFound.into()));
         }
         refuse_existing(&self.path, may_replace)?;

@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Plan, Work, refuse_another, with_companions};
+use super::difference::refuse_another;
+use super::files::with_companions;
+use super::sheet::Plan;
+use super::work::Work;
 use crate::options::GridInput;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;

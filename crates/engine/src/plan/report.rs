@@ -1,13 +1,9 @@
 //! What is told of plans and of the work on them.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
-use super::parent;
+use crate::Resources;
 use crate::sift::Skipped;
-use crate::{Resources, disk};
-use terrane_base::error::Result;
 
 /// A task that is not done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -162,34 +158,6 @@ pub struct RunReport<R> {
     /// Files that were left out of the input when it was planned.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
-}
-
-/// Whether a run is to begin at all where the disk seems to have too little room.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum DiskCheck {
-    /// Fail before the work.
-    #[default]
-    On,
-    /// Begin all the same: the user knows better.
-    Off,
-}
-
-impl DiskCheck {
-    /// Fails when the disks of the plan's `folder` and of `output` will not hold the results that are
-    /// not there yet and the output.
-    pub fn check(self, folder: &Path, output: &Path, [objects, written]: [u64; 2]) -> Result<()> {
-        if self == Self::Off {
-            return Ok(());
-        }
-        let beside = parent(output);
-        let checked = match disk::are_one(folder, beside) {
-            true => disk::check(folder, objects + written),
-            false => disk::check(folder, objects).and_then(|()| disk::check(beside, written)),
-        };
-        checked.map_err(|error| {
-            error.remedy("free some space, choose another folder, or pass ‹no_disk_check›")
-        })
-    }
 }
 
 #[cfg(test)]

@@ -7,14 +7,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde::Serialize;
-
 use super::folder::{Folder, Survey};
-use super::object::Done;
+use super::object::{Done, Look};
 use super::output::{Output, last_output};
-use super::report::{DiskCheck, RunReport, StatusReport};
-use super::work::{At, Made, Named, Order};
-use super::{Kind, Look, PLAN, Work, kept};
+use super::report::{RunReport, StatusReport};
+use super::sheet::{Kind, PLAN};
+use super::work::{At, Form, Made, Named, Order, Work};
+use crate::disk::DiskCheck;
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -76,15 +75,6 @@ pub struct RunJob {
     pub disk: DiskCheck,
     /// What the work may use.
     pub resources: Resources,
-}
-
-/// What else is asked of a mesh of a grid that is written at the end of a plan.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Form {
-    /// Write a folder of meshes, each of so many by so many tiles.
-    pub split: Option<u32>,
-    /// STL and 3MF: close the surface down to this height.
-    pub solid_base: Option<f64>,
 }
 
 impl RunJob {
@@ -194,6 +184,17 @@ pub fn run_in<W: Work>(
     }
     plan()?;
     run::<W>(job, progress, cancel)
+}
+
+/// An interrupted run says that its work is not lost.
+fn kept(error: Error) -> Error {
+    match error.kind() {
+        ErrorKind::Interrupted => {
+            Error::new(ErrorKind::Interrupted, "interrupted; finished tasks are kept")
+                .remedy("run again to go on")
+        }
+        _ => error,
+    }
 }
 
 /// A run in progress.

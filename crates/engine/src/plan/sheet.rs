@@ -7,9 +7,13 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::difference::{by_place, difference};
+use super::digest::Digest;
 use super::files::{self, InputFile};
-use super::report::Needs;
-use super::{Digest, Forecast, Named, OBJECTS, Work, by_place, difference, no_folder};
+use super::note::no_folder;
+use super::object::OBJECTS;
+use super::report::{Forecast, Needs};
+use super::work::{Named, Work};
 use crate::REVISION;
 use crate::sift::Skipped;
 use terrane_base::error::{Error, ErrorKind, Result};

@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::digest::Digest;
 use super::folder::Survey;
+use super::object::Look;
 use super::report::{StatusReport, Written};
-use super::{Digest, Form, Kind, Look, Plan};
+use super::sheet::{Kind, Plan};
 use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
 
@@ -118,6 +120,15 @@ pub struct Order {
     pub form: Form,
     /// What the work may use.
     pub resources: Resources,
+}
+
+/// What else is asked of a mesh of a grid that is written at the end of a plan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Form {
+    /// Write a folder of meshes, each of so many by so many tiles.
+    pub split: Option<u32>,
+    /// STL and 3MF: close the surface down to this height.
+    pub solid_base: Option<f64>,
 }
 
 /// A task as it is named: the last one, which writes the result, has no object.

@@ -1,0 +1,100 @@
+//! In what two things differ, as a line for people.
+
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use terrane_base::error::{Error, Result};
+use terrane_files::{name_of, path_of};
+
+/// Fails when what was found in the input (`there`) is not what it is `here`, so that it is not the
+/// `what` of that label.
+pub fn refuse_another<T: Serialize>(what: &str, label: &str, there: &T, here: &T) -> Result<()> {
+    let refuse = |how| {
+        Err(Error::bad_input(format!("is not the {what} the plan was made for: {how}"))
+            .in_file(Path::new(label))
+            .remedy("put it back, or plan anew in another folder"))
+    };
+    difference(there, here).map_or(Ok(()), refuse)
+}
+
+/// A thing in which each file is known by where it really is, links followed, as far as that can be told here.
+pub(super) fn by_place<T: Serialize>(thing: &T) -> Value {
+    let mut told = serde_json::to_value(thing).unwrap_or_default();
+    resolve(&mut told);
+    told
+}
+
+/// Resolves paths in texts: all of one, or what follows the name of a format.
+fn resolve(value: &mut Value) {
+    match value {
+        Value::Array(all) => all.iter_mut().for_each(resolve),
+        Value::Object(all) => all.values_mut().for_each(resolve),
+        Value::String(text) => {
+            let Some(begin) = text.find('/') else { return };
+            let place = std::fs::canonicalize(&*path_of(&text[begin..])).ok();
+            if let Some(place) = place.and_then(|place| name_of(place).ok()) {
+                text.replace_range(begin.., &place);
+            }
+        }
+        Value::Null | Value::Bool(_) | Value::Number(_) => {}
+    }
+}
+
+/// The first value in which two things differ, by its name in both.
+pub(super) fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {
+    let [there, here] = [there, here].map(|thing| serde_json::to_value(thing).unwrap_or_default());
+    first_difference("", &there, &here)
+}
+
+fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
+    if there == here {
+        return None;
+    }
+    let within = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
+    if let (Value::Object(a), Value::Object(b)) = (there, here) {
+        let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+        let [of_a, of_b] = [a, b].map(|own| |key: &String| own.get(key).unwrap_or(&Value::Null));
+        return keys
+            .into_iter()
+            .find_map(|key| first_difference(&within(key), of_a(key), of_b(key)));
+    }
+    if let (Value::Array(a), Value::Array(b)) = (there, here)
+        && a.len() == b.len()
+    {
+        let mut pairs = a.iter().zip(b).enumerate();
+        return pairs.find_map(|(i, (a, b))| first_difference(&within(&i.to_string()), a, b));
+    }
+    let short = |value: &Value| match value {
+        Value::Array(items) => format!("{} of them", items.len()),
+        other => other.to_string(),
+    };
+    Some(format!("{name} is {} there and {} here", short(there), short(here)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_difference_is_named() {
+        let of = |text: &str| serde_json::from_str::<Value>(text).unwrap();
+        let tell = |a: &str, b: &str| difference(&of(a), &of(b)).unwrap_or_default();
+        assert_eq!(
+            tell(r#"{"a":{"b":1,"c":2}}"#, r#"{"a":{"b":1,"c":3}}"#),
+            "a.c is 2 there and 3 here"
+        );
+        assert_eq!(tell(r#"{"a":1}"#, r#"{"a":1,"b":2}"#), "b is null there and 2 here");
+        assert_eq!(tell(r#"{"a":1,"b":null}"#, r#"{"a":1}"#), "");
+        assert_eq!(
+            tell(r#"{"f":["x","y"]}"#, r#"{"f":["x"]}"#),
+            "f is 2 of them there and 1 of them here"
+        );
+        assert_eq!(
+            tell(r#"{"f":["x","y"]}"#, r#"{"f":["x","z"]}"#),
+            r#"f.1 is "y" there and "z" here"#
+        );
+        assert_eq!(tell("[1]", "[1]"), "");
+    }
+}

@@ -1,0 +1,30 @@
+//! Notes in the folder of a plan: small files of JSON, and the paths that they have.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use terrane_base::error::{Error, Result};
+use terrane_files::atomic::AtomicFile;
+use terrane_files::folder_for;
+
+/// The error of what cannot be made because the folder it belongs in is not there.
+pub(super) fn no_folder(path: &Path, error: io::Error) -> Error {
+    Error::write(path, error)
+        .remedy(format!("make {} first, or correct the name", folder_for(path, None).display()))
+}
+
+/// Writes a small file as JSON.
+pub fn write_json<T: Serialize>(path: &Path, what: &T) -> Result<()> {
+    let mut file = AtomicFile::create(path, true)?;
+    let written = serde_json::to_writer_pretty(&mut file, what).map_err(io::Error::from);
+    written.map_err(|e| Error::write(path, e))?;
+    file.commit().map(drop)
+}
+
+/// A path that can be noted: absolute.
+pub fn noted_path(output: &Path) -> Result<PathBuf> {
+    let path = std::path::absolute(output).map_err(|e| Error::write(output, e))?;
+    Ok(path)
+}

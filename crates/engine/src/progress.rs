@@ -1,0 +1,52 @@
+//! How far a job is, as it tells who watches it.
+
+use terrane_cloud::PointSource;
+
+/// Receives a job's progress; called from several threads.
+pub trait Progress: Sync {
+    /// A stage begins: its name and its total number of units (samples, triangles, bytes).
+    fn begin(&self, stage: &str, total: u64);
+    /// `units` more are done in the current stage.
+    fn advance(&self, units: u64);
+    /// A part of a file is about to be read, where the input is of several.
+    fn file(&self, _file: FileAt<'_>) {}
+    /// The current stage is over.
+    fn end(&self);
+}
+
+/// One of the files of an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileAt<'a> {
+    /// As it was found.
+    pub name: &'a str,
+    /// In the order of names, from 1.
+    pub number: usize,
+    /// How many files there are.
+    pub of: usize,
+}
+
+impl<'a> FileAt<'a> {
+    /// The file of a part of a cloud of several.
+    pub fn new(source: &'a dyn PointSource, part: usize) -> Option<Self> {
+        let files = source.files();
+        let number = source.file_of(part).filter(|_| files.len() > 1)?;
+        Some(Self { name: files.get(number)?, number: number + 1, of: files.len() })
+    }
+
+    /// Tells that a part of a cloud is about to be read.
+    pub fn tell(progress: &dyn Progress, source: &dyn PointSource, part: usize) {
+        if let Some(file) = FileAt::new(source, part) {
+            progress.file(file);
+        }
+    }
+}
+
+/// Progress that is not shown.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _stage: &str, _total: u64) {}
+    fn advance(&self, _units: u64) {}
+    fn end(&self) {}
+}

@@ -1,0 +1,33 @@
+//! What a job may use: memory, threads and a folder for temporary files.
+
+use crate::options::{Bytes, FileName};
+use terrane_files::{cores, physical_memory, proc_bytes};
+use terrane_options::{Options, Range};
+
+/// What a job may use
+#[derive(Clone, Debug, PartialEq, Eq, Options)]
+#[options(heading = "Resources", setters = group)]
+pub struct Resources {
+    /// Worker threads
+    #[option(value = "N", default = cores(), default_text = "all cores", range = Range::new(1.0, 1024.0), role = Run)]
+    pub threads: usize,
+    /// Memory for everything the job holds, such as 512M or 4GiB
+    #[option(value = "SIZE", with = Bytes, default = default_memory(), role = Run, no_setter,
+             default_text = "half of the machine's, at most 4GiB")]
+    pub memory: u64,
+    /// Folder for temporary files
+    #[option(value = "DIR", with = FileName, role = Run,
+             default_text = "the output's, or the system's where there is none and for inputs that must be unpacked")]
+    pub temp_dir: Option<std::path::PathBuf>,
+}
+
+const DEFAULT_MEMORY: u64 = 4 << 30;
+
+fn default_memory() -> u64 {
+    physical_memory().map_or(DEFAULT_MEMORY, |all| (all / 2).min(DEFAULT_MEMORY))
+}
+
+/// Largest resident memory of this process so far, in bytes, where the system tells.
+pub fn peak_memory() -> Option<u64> {
+    proc_bytes("/proc/self/status", "VmHWM:")
+}
