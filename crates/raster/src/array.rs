@@ -8,7 +8,7 @@ use bytemuck::Pod;
 
 use super::sample::{Height, ToHeight};
 use super::window::Window;
-use super::{GridInfo, GridSource, SampleType};
+use crate::grid::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::limits;

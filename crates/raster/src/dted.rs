@@ -4,13 +4,14 @@
 
 use std::path::Path;
 
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::spool::Spool;
 use crate::strided::{Layout, Strided};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {

@@ -1,7 +1,8 @@
 //! Grids in memory by name, in place of a file.
 
 use super::array::ArrayGrid;
-use super::{GridSource, OpenOptions, only_band};
+use crate::format::{OpenOptions, only_band};
+use crate::grid::GridSource;
 use terrane_base::error::Result;
 use terrane_files::{Held, Register};
 

@@ -3,11 +3,13 @@
 
 use std::path::Path;
 
-use crate::file::{RawFile, RowRun};
+use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::sample::{Height, ToHeight};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, Window, only_band};
+use crate::window::Window;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_files::{RawFile, RowRun};
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {

@@ -1,6 +1,6 @@
 //! Nodata values that a file does not declare: heights no terrain has, which mean "nothing here".
 
-use crate::GridInfo;
+use crate::grid::GridInfo;
 
 /// Stored values in use for nodata, below any land and any sea floor but the deepest.
 const USUAL: [f64; 5] = [-9999.0, -32_767.0, -32_768.0, -99_999.0, -999_999.0];

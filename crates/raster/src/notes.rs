@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::{GridInfo, SampleType, undeclared_nodata};
+use crate::grid::{GridInfo, SampleType};
+use crate::nodata::undeclared_nodata;
 use terrane_base::geom::{Crs, Heights};
 
 /// Something to know about a grid.

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::strided::{Layout, Strided, check_exact};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, prj, world};
+use crate::{prj, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {

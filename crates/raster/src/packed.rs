@@ -9,16 +9,17 @@ use std::path::{Path, PathBuf};
 use flate2::bufread::MultiGzDecoder;
 use zip::ZipArchive;
 
-use crate::file::{self, RawFile};
+use crate::beside;
+use crate::format::{OpenOptions, RasterFormat};
+use crate::grid::{GridInfo, GridSource};
 use crate::mosaic::vrt;
+use crate::registry::{FORMATS, format_of, head_of, open_path};
 use crate::spool::cannot_unpack;
-use crate::{
-    FORMATS, GridInfo, GridSource, OpenOptions, RasterFormat, mask_beside, open_path, pam, world,
-};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 use terrane_files::format::Format;
+use terrane_files::{self as file, RawFile};
 
 /// Registry entry of gzip.
 pub(super) const GZIP: RasterFormat = RasterFormat {
@@ -118,8 +119,8 @@ fn is_packed(path: &Path) -> Result<bool> {
 }
 
 fn is_vrt(path: &Path) -> Result<bool> {
-    let head = super::head_of(path)?;
-    Ok(super::format_of(path, &head).is_some_and(|format| format.name == vrt::FORMAT.name))
+    let head = head_of(path)?;
+    Ok(format_of(path, &head).is_some_and(|format| format.name == vrt::FORMAT.name))
 }
 
 fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
@@ -142,7 +143,7 @@ fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
 fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
     let unpacked = packed.with_extension("");
     for ending in SIDECARS {
-        let Some(sidecar) = world::sidecar(&unpacked, &[ending]) else { continue };
+        let Some(sidecar) = beside::sidecar(&unpacked, &[ending]) else { continue };
         let file = RawFile::open(&sidecar)?;
         limits::check("bytes of a sidecar", file.size(), limits::MAX_HEADER_BYTES)
             .map_err(|e| e.in_file(&sidecar))?;
@@ -150,11 +151,11 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
         std::fs::write(target.with_extension(ending), bytes).map_err(cannot_unpack)?;
     }
     // By the name of the packed file, which GDAL goes by, or by that of the grid in it.
-    let beside = [pam::name(packed), pam::name(&unpacked)];
-    if let Some(sidecar) = beside.iter().find(|sidecar| sidecar.is_file()) {
-        copy_file(sidecar, &pam::name(target))?;
+    let named = [beside::pam(packed), beside::pam(&unpacked)];
+    if let Some(sidecar) = named.iter().find(|sidecar| sidecar.is_file()) {
+        copy_file(sidecar, &beside::pam(target))?;
     }
-    if let Some(mask) = mask_beside(&unpacked).or_else(|| mask_beside(packed)) {
+    if let Some(mask) = beside::mask(&unpacked).or_else(|| beside::mask(packed)) {
         let mut name = target.as_os_str().to_owned();
         name.push(".msk");
         copy_file(&mask, Path::new(&name))?;

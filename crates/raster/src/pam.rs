@@ -6,16 +6,16 @@
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat};
+use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::sample::Height;
+use crate::window::Window;
 use crate::xml::{self, Node, Tag, Xml};
-use crate::{
-    GridInfo, GridSource, OpenOptions, RasterFormat, Window, asc, dted, geotiff, hgt, png, raw,
-    unit_and_text, usgs, xyz,
-};
+use crate::{asc, beside, dted, geotiff, hgt, png, raw, usgs, xyz};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 /// Most heights that are read apart before they are scaled.
 const SCRATCH_SAMPLES: u32 = 1 << 16;
@@ -90,13 +90,6 @@ struct Said {
     unit: Option<String>,
 }
 
-/// The name of the sidecar of the file at `path`.
-pub(super) fn name(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".aux.xml");
-    PathBuf::from(name)
-}
-
 /// Opens `path` by `open`, with what a sidecar says beside a file of `format`.
 ///
 /// # Errors
@@ -107,7 +100,7 @@ pub(super) fn open(
     options: &OpenOptions,
     open: impl Fn(&OpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
-    let sidecar = name(path);
+    let sidecar = beside::pam(path);
     let rules = RULES.iter().find(|(name, _)| *name == format.name).map(|(_, rules)| rules);
     let Some(rules) = rules.filter(|_| sidecar.is_file()) else { return open(options) };
     let said = read(&sidecar, options.band).map_err(|e| e.in_file(&sidecar))?;
@@ -128,7 +121,7 @@ pub(super) fn open(
 
 /// Fails when a sidecar of an earlier file at `path` would change what is read of a new one there.
 pub(super) fn refuse_old(path: &Path) -> Result<()> {
-    let sidecar = name(path);
+    let sidecar = beside::pam(path);
     if !sidecar.is_file() || read(&sidecar, 1).is_ok_and(|said| said == Said::default()) {
         return Ok(());
     }

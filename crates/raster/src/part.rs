@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::format::OpenOptions;
+use crate::grid::{GridInfo, GridSource};
 use crate::sample::Height;
 use crate::window::{Sample, Window};
-use crate::{GridInfo, GridSource, OpenOptions};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 

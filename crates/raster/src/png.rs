@@ -6,13 +6,15 @@ use std::path::Path;
 
 use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
 
-use crate::file::{self, RawFile};
+use crate::format::{OpenOptions, RasterFormat, some_band};
+use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::spool::Spool;
 use crate::strided::{Layout, Strided};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, prj, some_band, world};
+use crate::{prj, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
+use terrane_files::{self as file, RawFile};
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {

@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use crate::{GridInfo, SampleType};
+use crate::grid::{GridInfo, SampleType};
 
 /// Turns stored samples (native byte order) of one grid into heights.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::file::RawFile;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
+use terrane_files::RawFile;
 use terrane_files::{Out, atomic};
 
 /// Bytes written at a time when filling.

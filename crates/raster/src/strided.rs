@@ -1,11 +1,12 @@
 //! Grids of raw samples at equal distances in a file, read by window with `pread`: by row or by
 //! column, with other bands, padding or gaps between them.
 
-use crate::file::{RawFile, RowRun};
+use crate::grid::{GridInfo, GridSource};
 use crate::sample::{Height, ToHeight};
-use crate::{GridInfo, GridSource, Window};
+use crate::window::Window;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
+use terrane_files::{RawFile, RowRun};
 
 /// About the most bytes gathered at once.
 const PART_BYTES: u64 = 1 << 20;

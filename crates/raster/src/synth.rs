@@ -1,7 +1,8 @@
 //! Synthetic terrains as grids: `synth:rough,size=80000,seed=7` in place of a file.
 
 use super::store::complete;
-use super::{GridInfo, GridSource, OpenOptions, SampleType};
+use crate::format::OpenOptions;
+use crate::grid::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_synth::Terrain;

@@ -4,9 +4,9 @@
 use std::ops::Deref;
 use std::path::PathBuf;
 
+use crate::grid::{GridInfo, GridSource};
 use crate::sample::Height;
 use crate::window::{Sample, Window};
-use crate::{GridInfo, GridSource};
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
 

@@ -1,7 +1,7 @@
 //! The window a caller wants filled: checked once, then handed out row by row.
 
+use crate::grid::{GridInfo, GridSource};
 use crate::sample::Height;
-use crate::{GridInfo, GridSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 

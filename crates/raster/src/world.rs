@@ -1,11 +1,10 @@
 //! Where a picture lies, told by a file or by its name: world files, and z/x/y tile addresses.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::file::RawFile;
+use crate::beside;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
-use terrane_base::limits;
 
 /// Most bytes of a world file: six numbers.
 const MOST_BYTES: u64 = 4096;
@@ -14,27 +13,14 @@ const HALF_WORLD: f64 = 20_037_508.342_789_244;
 /// Deepest zoom level of a tile address.
 const MOST_ZOOM: u32 = 30;
 
-/// The file beside `path` with one of `endings` in place of its own, in lower or upper case.
-pub(super) fn sidecar(path: &Path, endings: &[&str]) -> Option<PathBuf> {
-    let both = endings.iter().flat_map(|e| [(*e).to_owned(), e.to_uppercase()]);
-    both.map(|ending| path.with_extension(ending)).find(|sidecar| sidecar.is_file())
-}
-
-/// The start of a small text file.
-pub(super) fn small_text(path: &Path, what: &str, most: u64) -> Result<String> {
-    let file = RawFile::open(path)?;
-    limits::check(what, file.size(), most).map_err(|e| e.in_file(path))?;
-    Ok(String::from_utf8_lossy(&file.head(most)?).into_owned())
-}
-
 /// Reads the world file beside `path`, if there is one: six numbers that place the centre of the
 /// first sample.
 ///
 /// # Errors
 /// A world file that is not six numbers, or whose map cannot be inverted.
 pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
-    let Some(world) = sidecar(path, endings) else { return Ok(None) };
-    let text = small_text(&world, "bytes of a world file", MOST_BYTES)?;
+    let Some(world) = beside::sidecar(path, endings) else { return Ok(None) };
+    let text = beside::small_text(&world, "bytes of a world file", MOST_BYTES)?;
     let numbers: Option<Vec<f64>> =
         text.split_whitespace().map(|word| word.replace(',', ".").parse().ok()).collect();
     let map = match numbers.as_deref() {

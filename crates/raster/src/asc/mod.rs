@@ -7,12 +7,15 @@ mod tokens;
 use std::path::Path;
 
 use crate::cache::{BlockCache, too_large_for_cache};
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::grid::{GridInfo, GridSource, SampleType};
+use crate::prj;
 use crate::sample::{Height, ToHeight};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, Window, only_band, prj};
+use crate::window::Window;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 use header::Header;
 use tokens::Tokens;

@@ -1,8 +1,8 @@
 //! Words of a text file, one after the other, in bounded memory, each with its place.
 
 use crate::decimal;
-use crate::file::RawFile;
 use terrane_base::error::{Error, Result};
+use terrane_files::RawFile;
 
 /// Bytes read at a time.
 const CHUNK: usize = 64 << 10;

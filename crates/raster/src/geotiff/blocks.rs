@@ -1,8 +1,8 @@
 //! Blocks: where each lies in the file, and how it becomes samples of one band in native order.
 
-use crate::file::{RawFile, RowRun, to_usize};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
+use terrane_files::{RawFile, RowRun, to_usize};
 
 use super::codec::{Compression, Decoders, Fault, Scratch, with_scratch};
 use super::ifd::{Directory, IntArray, about};

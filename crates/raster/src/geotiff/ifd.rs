@@ -1,9 +1,9 @@
 //! Directories of a TIFF or BigTIFF: entries as (type, count, where), values read on
 //! demand, every count checked against the file before anything is allocated.
 
-use crate::file::RawFile;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 use super::tags;
 

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use crate::cache::{BlockCache, too_large_for_cache};
-use crate::file::RawFile;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
+use terrane_files::RawFile;
 
 use super::blocks::{Blocks, Place};
 use super::ifd::Directory;

@@ -1,7 +1,7 @@
 //! How the image lies in the file: sizes, blocks, sample type, compression; validated once, so that
 //! everything after can trust it.
 
-use crate::SampleType;
+use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;

@@ -5,13 +5,14 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::beside;
 use crate::cache::BlockCache;
-use crate::file::RawFile;
 use crate::sample::Height;
-use crate::{Window, mask_beside};
+use crate::window::Window;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 use super::ifd::Directory;
 use super::image::{Image, check_cache};
@@ -49,7 +50,7 @@ pub(super) fn find(grid: Grid<'_>) -> Result<Vec<Mask>> {
         let mask = grid.mask(grid.file, &directory, "internal".to_owned(), 1);
         masks.push(mask.map_err(|e| e.at("internal mask"))?);
     }
-    if let Some(path) = mask_beside(grid.file.path()) {
+    if let Some(path) = beside::mask(grid.file.path()) {
         masks.push(grid.beside(&path).map_err(|e| e.in_file(&path))?);
     }
     masks.extend(grid.alpha()?);

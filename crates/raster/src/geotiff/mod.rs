@@ -21,15 +21,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::cache::BlockCache;
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat};
+use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::notes::MASK;
 use crate::sample::{Height, ToHeight};
-use crate::{
-    GridInfo, GridSource, OpenOptions, RasterFormat, Window, mask_beside, store, unit_and_text,
-    world,
-};
+use crate::window::Window;
+use crate::{beside, store, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, GeoKeys, Rect};
+use terrane_files::RawFile;
 
 use georef::Georeference;
 use ifd::Directory;
@@ -52,7 +52,7 @@ const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
 /// Opens a GeoTIFF; a store written by terrane is recognised first and mapped, unless a mask lies
 /// beside it.
 fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    let masked = mask_beside(path).is_some();
+    let masked = beside::mask(path).is_some();
     if let (false, Some(store)) = (masked, store::try_open(path, options)?) {
         return Ok(store);
     }

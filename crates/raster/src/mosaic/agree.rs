@@ -1,6 +1,6 @@
 //! What the files of a mosaic must agree in, and the one line that says how two of them differ.
 
-use crate::GridInfo;
+use crate::grid::GridInfo;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_files::path_of;

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 
-use crate::GridSource;
+use crate::grid::GridSource;
 use terrane_base::error::Result;
 use terrane_files::{lock, wait};
 

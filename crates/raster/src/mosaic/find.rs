@@ -8,13 +8,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::{GridInfo, OpenOptions, SampleType};
+use crate::format::OpenOptions;
+use crate::grid::{GridInfo, SampleType};
+use crate::registry::{file_name, format_of, head_of, open};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::{is_made, path_of};
 
 use super::cache::{Grid, Open, Pool};
-use super::{Source, changed, vrt};
+use super::vrt;
 
 /// What a mosaic and all mosaics within it share.
 pub(super) struct Family {
@@ -60,6 +62,14 @@ pub(super) struct Nest {
     pub(super) family: Arc<Family>,
     /// The VRTs around, outermost first, by their real paths.
     pub(super) around: Vec<PathBuf>,
+}
+
+/// Where samples come from.
+pub(super) enum Source {
+    /// A file, opened when needed.
+    File(File),
+    /// A mosaic in the mosaic. It holds no file itself.
+    Nested { grid: Grid, path: PathBuf },
 }
 
 /// A file as it was found.
@@ -152,12 +162,12 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
 }
 
 fn is_vrt(name: &str) -> Result<bool> {
-    if is_made(name) || crate::file_name(name) != name {
+    if is_made(name) || file_name(name) != name {
         return Ok(false);
     }
     let path = path_of(name);
-    let head = crate::head_of(&path)?;
-    Ok(crate::format_of(&path, &head).is_some_and(|f| f.name == vrt::FORMAT.name))
+    let head = head_of(&path)?;
+    Ok(format_of(&path, &head).is_some_and(|f| f.name == vrt::FORMAT.name))
 }
 
 /// Opens a file with its share of the memory, or with more where it cannot be read with that.
@@ -173,7 +183,7 @@ fn open_file(
         let colours = family.colours;
         let alone = OpenOptions { threads: 1, colours, ..OpenOptions::default() };
         let options = OpenOptions { band, nodata, cache_bytes, temp_dir, ..alone };
-        let grid = crate::open(name, &options)?;
+        let grid = open(name, &options)?;
         let info = grid.info().clone();
         let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
         Ok((Open { grid: grid.into(), bytes }, info))
@@ -182,7 +192,14 @@ fn open_file(
         ErrorKind::Resource => with(pool.most_bytes()),
         _ => Err(e),
     });
-    opened.map_err(|e| e.in_file(&path_of(crate::file_name(name))))
+    opened.map_err(|e| e.in_file(&path_of(file_name(name))))
+}
+
+/// The answer to a file that became another one while the mosaic was open.
+fn changed(name: &str) -> Error {
+    Error::bad_input("changed its size or type while it was in use")
+        .in_file(&path_of(name))
+        .remedy("run again when nothing writes to it")
 }
 
 /// Bytes of all decoded blocks of a file.

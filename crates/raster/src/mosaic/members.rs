@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FORMATS, file_name, raw};
+use crate::raw;
+use crate::registry::{FORMATS, file_name};
 use terrane_base::error::{Error, Result};
 use terrane_files::format::by_extension;
 use terrane_files::{Seek, is_made, name_of, path_of, shown};

@@ -27,14 +27,13 @@ pub(super) mod vrt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use crate::grid::{GridInfo, GridSource};
 use crate::window::{Sample, Window};
-use crate::{GridInfo, GridSource};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::path_of;
 
-use cache::Grid;
-use find::{Family, File};
+use find::{Family, Source};
 use index::Index;
 pub use members::{Inputs, files, files_below, is_collection};
 pub(super) use plain::open;
@@ -62,14 +61,6 @@ struct Part {
     /// True when voids let through what lies below.
     transparent: bool,
     recode: Option<Recode>,
-}
-
-/// Where samples come from.
-enum Source {
-    /// A file, opened when needed.
-    File(File),
-    /// A mosaic in the mosaic. It holds no file itself.
-    Nested { grid: Grid, path: PathBuf },
 }
 
 impl Mosaic {
@@ -193,11 +184,4 @@ impl GridSource for Mosaic {
     fn copied(&self, rect: Rect) {
         self.tell(rect, |grid, there| grid.copied(there));
     }
-}
-
-/// The answer to a file that became another one while the mosaic was open.
-fn changed(name: &str) -> Error {
-    Error::bad_input("changed its size or type while it was in use")
-        .in_file(&path_of(name))
-        .remedy("run again when nothing writes to it")
 }

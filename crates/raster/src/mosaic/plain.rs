@@ -2,19 +2,20 @@
 
 use rayon::prelude::*;
 
+use crate::format::OpenOptions;
+use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::nodata::is_no_height;
 use crate::notes::{MASK, NODATA_VALUES};
 use crate::store::sample::stored_nodata;
-use crate::{GridInfo, GridSource, OpenOptions, SampleType};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Rect;
 use terrane_files::path_of;
 
 use super::agree::{self, Named};
-use super::find::{Family, Found, Nest, find, on_threads};
+use super::find::{Family, Found, Nest, Source, find, on_threads};
 use super::layout::{Layout, Shape, lay_out};
 use super::recode::{Recode, is_same, void_range, wider};
-use super::{Mosaic, Part, Source, members};
+use super::{Mosaic, Part, members};
 
 /// Most nodata values that are told.
 const MOST_TOLD: usize = 8;

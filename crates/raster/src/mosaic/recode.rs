@@ -1,7 +1,7 @@
 //! Samples of a file as a mosaic stores them: scaled, rounded into the mosaic's type, and void where
 //! they are the mosaic's nodata value.
 
-use crate::SampleType;
+use crate::grid::SampleType;
 use crate::sample::Stored;
 
 /// What is done to each valid height of a file.

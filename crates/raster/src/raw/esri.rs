@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::{Header, Interleave, count, number, once, whole};
-use crate::SampleType;
+use super::header::{Header, Interleave, count, number, once, whole};
+use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;

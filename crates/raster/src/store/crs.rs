@@ -1,7 +1,6 @@
 //! GeoKeys of a store: those of the source, or made from what is known of its CRS.
 
-use super::header::tag;
-use super::tags::Values;
+use super::tags::{Values, tag};
 use terrane_base::geom::{Crs, is_geographic};
 
 /// Key numbers and values of the OGC GeoTIFF standard 1.1 (19-008r4).

@@ -2,38 +2,16 @@
 
 use super::crs::GeoKeys;
 use super::layout::Layout;
-use super::metadata::Metadata;
-use super::tags::{Front, Values};
-use super::{FORMAT, MARK};
-use crate::write::BandName;
-use crate::{GridInfo, SampleType};
+use super::metadata::{BandName, Metadata, number};
+use super::tags::{Front, Values, tag};
+use crate::grid::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
-/// Numbers of the tags a store has.
-pub(crate) mod tag {
-    pub(crate) const WIDTH: u16 = 256;
-    pub(crate) const HEIGHT: u16 = 257;
-    pub(crate) const BITS: u16 = 258;
-    pub(crate) const COMPRESSION: u16 = 259;
-    pub(crate) const PHOTOMETRIC: u16 = 262;
-    pub(crate) const SAMPLES_PER_PIXEL: u16 = 277;
-    pub(crate) const PLANAR: u16 = 284;
-    pub(crate) const SOFTWARE: u16 = 305;
-    pub(crate) const TILE_WIDTH: u16 = 322;
-    pub(crate) const TILE_HEIGHT: u16 = 323;
-    pub(crate) const TILE_OFFSETS: u16 = 324;
-    pub(crate) const TILE_BYTES: u16 = 325;
-    pub(crate) const SAMPLE_FORMAT: u16 = 339;
-    pub(crate) const PIXEL_SCALE: u16 = 33_550;
-    pub(crate) const TIEPOINT: u16 = 33_922;
-    pub(crate) const MATRIX: u16 = 34_264;
-    pub(crate) const GEO_KEYS: u16 = 34_735;
-    pub(crate) const GEO_DOUBLES: u16 = 34_736;
-    pub(crate) const GEO_ASCII: u16 = 34_737;
-    pub(crate) const GDAL_METADATA: u16 = 42_112;
-    pub(crate) const GDAL_NODATA: u16 = 42_113;
-}
+/// Tag 305 of every store: what it is and the version of its layout.
+pub(super) const MARK: &str = "terrane store 1";
+/// Name of the format in [`GridInfo::format`].
+const FORMAT: &str = "terrane store";
 
 /// How a store says where it lies.
 #[derive(Clone, Debug, PartialEq)]
@@ -214,16 +192,4 @@ pub(super) fn sample_type(bits: u16, format: u16) -> Option<SampleType> {
     use SampleType::{F16, F32, F64, I8, I16, I32, U8, U16, U32};
     let all = [I8, U8, I16, U16, I32, U32, F16, F32, F64];
     all.into_iter().find(|&sample| sample_tags(sample) == (bits, format))
-}
-
-/// The shortest text that reads back as the same number, in the manner of GDAL ("-9999", "nan").
-pub(crate) fn number(value: f64) -> String {
-    if value.is_nan() {
-        return "nan".to_owned();
-    }
-    if value.fract() == 0.0 && value.abs() < 1e15 {
-        format!("{value}")
-    } else {
-        format!("{value:?}")
-    }
 }

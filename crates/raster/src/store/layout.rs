@@ -1,6 +1,6 @@
 //! Where every sample of a store lies: tile sizes, counts and byte offsets.
 
-use crate::SampleType;
+use crate::grid::SampleType;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;

@@ -2,10 +2,19 @@
 //! beyond the GeoKeys.
 
 use super::crs::GeoKeys;
-use super::header::number;
-use crate::write::BandName;
-use crate::{GridInfo, unit_and_text};
+use crate::grid::{GridInfo, unit_and_text};
 use terrane_base::geom::Crs;
+
+/// What a band is called.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BandName {
+    /// Its description, as GDAL has it.
+    pub name: String,
+    /// Whether its values are in the vertical unit of the grid.
+    pub in_vertical_unit: bool,
+    /// Whether 0 stands for no value.
+    pub counts: bool,
+}
 
 /// Items in the order they are written.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -165,6 +174,18 @@ fn escape(text: &str) -> String {
 fn unescape(text: &str) -> String {
     let back = |text: String, (plain, name): &(char, &str)| text.replace(name, &plain.to_string());
     ESCAPES.iter().rev().fold(text.to_owned(), back)
+}
+
+/// The shortest text that reads back as the same number, in the manner of GDAL ("-9999", "nan").
+pub(crate) fn number(value: f64) -> String {
+    if value.is_nan() {
+        return "nan".to_owned();
+    }
+    if value.fract() == 0.0 && value.abs() < 1e15 {
+        format!("{value}")
+    } else {
+        format!("{value:?}")
+    }
 }
 
 #[cfg(test)]

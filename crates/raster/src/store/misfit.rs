@@ -1,6 +1,6 @@
 //! Heights that a sample type does not hold: why, where, and what the user can do.
 
-use crate::SampleType;
+use crate::grid::SampleType;
 use terrane_base::error::Error;
 
 /// Why a height cannot be stored, and which one of the run it is.

@@ -16,7 +16,7 @@ mod crs;
 pub(super) mod header;
 mod layout;
 mod map;
-mod metadata;
+pub(super) mod metadata;
 pub(super) mod misfit;
 mod reader;
 pub(super) mod sample;
@@ -29,8 +29,3 @@ pub use crs::complete;
 pub use layout::{DEFAULT_TILE, TILE_SIDES};
 pub use reader::try_open;
 pub use writer::{Heights, StoreWriter};
-
-/// Tag 305 of every store: what it is and the version of its layout.
-const MARK: &str = "terrane store 1";
-/// Name of the format in [`GridInfo::format`](super::GridInfo::format).
-const FORMAT: &str = "terrane store";

@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::misfit::Misfit;
-use crate::{GridInfo, SampleType};
+use crate::grid::{GridInfo, SampleType};
 use terrane_base::error::Error;
 
 /// What stored samples mean: height = stored * scale + offset, one value stands for voids.

@@ -2,6 +2,31 @@
 
 use super::layout::PAGE;
 
+/// Numbers of the tags a store has.
+pub(crate) mod tag {
+    pub(crate) const WIDTH: u16 = 256;
+    pub(crate) const HEIGHT: u16 = 257;
+    pub(crate) const BITS: u16 = 258;
+    pub(crate) const COMPRESSION: u16 = 259;
+    pub(crate) const PHOTOMETRIC: u16 = 262;
+    pub(crate) const SAMPLES_PER_PIXEL: u16 = 277;
+    pub(crate) const PLANAR: u16 = 284;
+    pub(crate) const SOFTWARE: u16 = 305;
+    pub(crate) const TILE_WIDTH: u16 = 322;
+    pub(crate) const TILE_HEIGHT: u16 = 323;
+    pub(crate) const TILE_OFFSETS: u16 = 324;
+    pub(crate) const TILE_BYTES: u16 = 325;
+    pub(crate) const SAMPLE_FORMAT: u16 = 339;
+    pub(crate) const PIXEL_SCALE: u16 = 33_550;
+    pub(crate) const TIEPOINT: u16 = 33_922;
+    pub(crate) const MATRIX: u16 = 34_264;
+    pub(crate) const GEO_KEYS: u16 = 34_735;
+    pub(crate) const GEO_DOUBLES: u16 = 34_736;
+    pub(crate) const GEO_ASCII: u16 = 34_737;
+    pub(crate) const GDAL_METADATA: u16 = 42_112;
+    pub(crate) const GDAL_NODATA: u16 = 42_113;
+}
+
 /// Bytes before the directory: the BigTIFF header.
 pub(super) const START: usize = 16;
 /// Bytes of the BigTIFF header, with the directory right behind it.

@@ -11,7 +11,8 @@ use super::map;
 use super::misfit::Misfit;
 use super::sample::{Codec, Height, Rounding};
 use super::tags::Front;
-use crate::{GridInfo, mask_beside, pam};
+use crate::grid::GridInfo;
+use crate::{beside, pam};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
@@ -143,7 +144,7 @@ impl StoreWriter {
 /// Fails when a file beside `path` would be read with a new one there.
 pub(crate) fn refuse_old_sidecars(path: &Path) -> Result<()> {
     pam::refuse_old(path)?;
-    let Some(mask) = mask_beside(path) else { return Ok(()) };
+    let Some(mask) = beside::mask(path) else { return Ok(()) };
     let message = "is the mask of an earlier file and would void samples of the new one";
     Err(Error::new(ErrorKind::CannotWrite, message)
         .in_file(&mask)

@@ -1,7 +1,7 @@
 //! Numbers of a USGS model, which may touch where one fills its field ("  100-32767").
 
-use crate::file::RawFile;
 use terrane_base::error::{Error, Result};
+use terrane_files::RawFile;
 
 /// Bytes read at a time.
 const CHUNK: u64 = 64 << 10;

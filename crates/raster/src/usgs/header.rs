@@ -1,11 +1,11 @@
 //! The first record of a USGS model: fields at fixed columns.
 
 use super::fields::{Fields, decimal};
-use crate::SampleType;
-use crate::file::RawFile;
+use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 /// Bytes of a record, without a newline.
 const RECORD: u64 = 1024;

@@ -6,12 +6,14 @@ mod header;
 
 use std::path::Path;
 
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::grid::{GridInfo, GridSource, SampleType};
+use crate::raw;
 use crate::spool::Spool;
 use crate::strided::{Layout, Strided};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, raw};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
+use terrane_files::RawFile;
 
 use fields::Fields;
 use header::Header;

@@ -3,13 +3,13 @@
 use std::fmt::{Display, Write};
 use std::sync::Mutex;
 
+use super::format::{GridFormat, Order};
 use super::rows::RowSink;
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
-use super::{GridFormat, Order};
-use crate::store::header::number;
+use crate::grid::{GridInfo, SampleType};
+use crate::store::metadata::number;
 use crate::store::misfit::Misfit;
 use crate::store::sample::{Codec, Height};
-use crate::{GridInfo, SampleType};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;

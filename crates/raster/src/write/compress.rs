@@ -3,7 +3,7 @@
 use libdeflater::{CompressionLvl, Compressor};
 use weezl::BitOrder;
 
-use super::Creation;
+use super::creation::Creation;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// A compression with its level.

@@ -3,11 +3,11 @@
 use std::fmt::{Display, Write};
 use std::sync::Mutex;
 
+use super::format::{GridFormat, GridSink, Order, WriteOptions};
 use super::sidecar::{self, Sidecars};
-use super::{GridFormat, GridSink, Order, WriteOptions};
+use crate::grid::{GridInfo, SampleType};
 use crate::store::Heights;
 use crate::store::sample::{Codec, Height};
-use crate::{GridInfo, SampleType};
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
 use terrane_files::atomic::AtomicFile;

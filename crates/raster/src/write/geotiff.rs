@@ -6,11 +6,12 @@ use std::sync::Mutex;
 
 use super::compress::Compression;
 use super::creation::Accepts::{Whole, Words};
+use super::creation::CreationOption;
 use super::directory::{Directory, Form, Places};
+use super::format::{GridFormat, GridSink, Order};
 use super::packed::Packed;
 use super::tiff::{self, Coding, Image};
-use super::{CreationOption, GridFormat, GridSink, Order};
-use crate::GridInfo;
+use crate::grid::GridInfo;
 use crate::store::Heights;
 use crate::store::header::facts;
 use crate::store::sample::Codec;

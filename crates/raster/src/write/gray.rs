@@ -5,11 +5,12 @@ use std::fmt::Display;
 
 use ::png::{BitDepth, ColorType};
 
-use super::png::Canvas;
+use super::canvas::Canvas;
+use super::format::Order;
 use super::rows::RowSink;
-use super::{Order, sidecar};
+use super::sidecar;
+use crate::grid::{GridInfo, SampleType};
 use crate::store::sample::{Codec, Height, stored_nodata};
-use crate::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 

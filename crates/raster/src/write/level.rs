@@ -5,13 +5,13 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::packed::beside;
-use crate::file::RawFile;
+use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::store::sample::Height;
 use crate::store::writer::set_length;
 use crate::strided::{Layout, Strided};
-use crate::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
+use terrane_files::RawFile;
 use terrane_files::{nameless, write_all_at};
 
 /// How four samples become one.

@@ -4,11 +4,11 @@ use std::sync::Mutex;
 
 use ::png::{BitDepth, ColorType};
 
-use super::png::Canvas;
-use super::{GridSink, Order};
+use super::canvas::Canvas;
+use super::format::{GridSink, Order};
+use crate::grid::{GridInfo, SampleType};
 use crate::store::Heights;
 use crate::store::sample::{Codec, Height};
-use crate::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;

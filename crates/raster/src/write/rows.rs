@@ -2,8 +2,8 @@
 
 use std::fmt::Display;
 
-use super::GridSink;
-use crate::GridInfo;
+use super::format::GridSink;
+use crate::grid::GridInfo;
 use crate::store::Heights;
 use crate::store::sample::Height;
 use terrane_base::error::Result;

@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::WriteOptions;
-use crate::GridInfo;
+use super::format::WriteOptions;
+use crate::grid::GridInfo;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_files::atomic::Sidecar;

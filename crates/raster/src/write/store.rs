@@ -1,8 +1,9 @@
 //! terrane's own store as one of the formats: its tiles may be written in any order.
 
 use super::creation::Accepts::Words;
-use super::{CreationOption, GridFormat, GridSink, Order};
-use crate::GridInfo;
+use super::creation::CreationOption;
+use super::format::{GridFormat, GridSink, Order};
+use crate::grid::GridInfo;
 use crate::store::{DEFAULT_TILE, Heights, StoreWriter};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;

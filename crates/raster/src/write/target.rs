@@ -1,9 +1,9 @@
 //! What a file will hold of a grid: sample type, nodata, scale and offset, by the options and by what
 //! the format knows. The declared nodata value is the very one that voids are stored as.
 
-use super::Order;
+use super::format::Order;
+use crate::grid::{GridInfo, SampleType};
 use crate::store::sample::{Codec, Rounding, stored_nodata};
-use crate::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 
 /// Stands for voids where a format has to name a value and the grid names none.

@@ -2,12 +2,13 @@
 
 use super::compress::Compression;
 use super::creation::Accepts::{Whole, Words};
+use super::creation::{Creation, CreationOption};
 use super::directory::{Directory, Form};
-use super::{Creation, CreationOption, predict};
-use crate::SampleType;
-use crate::store::header::{sample_tags, tag};
+use super::predict;
+use crate::grid::SampleType;
+use crate::store::header::sample_tags;
 use crate::store::sample::{Codec, Height};
-use crate::store::tags::Values;
+use crate::store::tags::{Values, tag};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;

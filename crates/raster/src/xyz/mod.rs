@@ -6,13 +6,15 @@ mod points;
 
 use std::path::Path;
 
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::grid::{GridInfo, GridSource, SampleType};
+use crate::prj;
 use crate::spool::Spool;
 use crate::strided::{Layout, Strided};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, prj};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
+use terrane_files::RawFile;
 
 use points::Points;
 

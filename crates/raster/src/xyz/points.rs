@@ -3,8 +3,8 @@
 use std::io::{BufRead, BufReader, Read};
 
 use crate::decimal;
-use crate::file::{self, RawFile};
 use terrane_base::error::{Error, Result};
+use terrane_files::{self as file, RawFile};
 
 /// Most bytes of a line.
 const MOST_LINE: u64 = 4096;

@@ -4,7 +4,7 @@
 use bytemuck::Pod;
 use lerc::{LercError, LercInfo, Sample};
 
-use crate::SampleType;
+use crate::grid::SampleType;
 
 /// What a block has to hold.
 #[derive(Clone, Copy, Debug, PartialEq)]

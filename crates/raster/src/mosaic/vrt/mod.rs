@@ -17,17 +17,18 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::file::RawFile;
+use crate::format::{OpenOptions, RasterFormat};
+use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::notes::{MASK, UNUSED_MASKS};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, unit_and_text};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
+use terrane_files::RawFile;
 use terrane_files::path_of;
 
-use super::find::{Family, Nest, find, on_threads};
+use super::find::{Family, Nest, Source as Samples, find, on_threads};
 use super::recode::{self, Recode, holds, void_range};
-use super::{Mosaic, Part, Source as Samples};
+use super::{Mosaic, Part};
 use parse::{Source, Vrt};
 
 /// The registry entry.

@@ -3,7 +3,8 @@
 
 use std::io::BufRead;
 
-use crate::{SampleType, some_band};
+use crate::format::some_band;
+use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 

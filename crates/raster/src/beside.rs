@@ -1,0 +1,37 @@
+//! Files that lie beside a grid and tell more of it, by name.
+
+use std::path::{Path, PathBuf};
+
+use terrane_base::error::Result;
+use terrane_base::limits;
+use terrane_files::RawFile;
+
+/// The file beside `path` with one of `endings` in place of its own, in lower or upper case.
+pub(super) fn sidecar(path: &Path, endings: &[&str]) -> Option<PathBuf> {
+    let both = endings.iter().flat_map(|e| [(*e).to_owned(), e.to_uppercase()]);
+    both.map(|ending| path.with_extension(ending)).find(|sidecar| sidecar.is_file())
+}
+
+/// The start of a small text file.
+pub(super) fn small_text(path: &Path, what: &str, most: u64) -> Result<String> {
+    let file = RawFile::open(path)?;
+    limits::check(what, file.size(), most).map_err(|e| e.in_file(path))?;
+    Ok(String::from_utf8_lossy(&file.head(most)?).into_owned())
+}
+
+/// The name of what GDAL keeps beside the file at `path`.
+pub(super) fn pam(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".aux.xml");
+    PathBuf::from(name)
+}
+
+/// The mask file beside `path`, if there is one: its name with ".msk" behind, as GDAL has it.
+pub(super) fn mask(path: &Path) -> Option<PathBuf> {
+    let with = |ending: &str| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(ending);
+        PathBuf::from(name)
+    };
+    [".msk", ".MSK"].map(with).into_iter().find(|path| path.exists())
+}

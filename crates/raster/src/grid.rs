@@ -1,0 +1,245 @@
+//! What a grid is: its samples, its place, and how its heights are read.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs, Rect};
+
+/// What of [`GridSource`] another grid behind a field is told in its place.
+macro_rules! hints_go_to {
+    ($inner:ident) => {
+        fn release(&self, rect: terrane_base::geom::Rect) {
+            self.$inner.release(rect);
+        }
+
+        fn copied(&self, rect: terrane_base::geom::Rect) {
+            self.$inner.copied(rect);
+        }
+    };
+}
+
+/// What of [`GridSource`] is the same for all that have an `info` and read heights of either width by one
+/// generic `read`.
+macro_rules! reads_alike {
+    () => {
+        fn info(&self) -> &$crate::GridInfo {
+            &self.info
+        }
+
+        fn read_f32(
+            &self,
+            rect: terrane_base::geom::Rect,
+            out: &mut [f32],
+        ) -> terrane_base::error::Result<()> {
+            self.read(rect, out)
+        }
+
+        fn read_f64(
+            &self,
+            rect: terrane_base::geom::Rect,
+            out: &mut [f64],
+        ) -> terrane_base::error::Result<()> {
+            self.read(rect, out)
+        }
+    };
+}
+
+/// How samples are stored in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub enum SampleType {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F16,
+    F32,
+    F64,
+}
+
+impl SampleType {
+    /// All of them, the narrowest first.
+    pub const ALL: [Self; 9] = [
+        Self::I8,
+        Self::U8,
+        Self::I16,
+        Self::U16,
+        Self::F16,
+        Self::I32,
+        Self::U32,
+        Self::F32,
+        Self::F64,
+    ];
+
+    /// The type of this name, in any case ("Int16"); "byte" is `uint8`, as GDAL has it.
+    pub fn by_name(name: &str) -> Option<Self> {
+        let name = if name.eq_ignore_ascii_case("byte") { "uint8" } else { name };
+        Self::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(name))
+    }
+
+    /// Bytes of one sample.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 | Self::F16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// Name as GDAL and numpy users know it: "int16", "float32", ...
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::I8 => "int8",
+            Self::U8 => "uint8",
+            Self::I16 => "int16",
+            Self::U16 => "uint16",
+            Self::I32 => "int32",
+            Self::U32 => "uint32",
+            Self::F16 => "float16",
+            Self::F32 => "float32",
+            Self::F64 => "float64",
+        }
+    }
+}
+
+/// What a grid is, before any sample is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GridInfo {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// World position of samples (see [`Affine`]).
+    pub transform: Affine,
+    /// True when the file said where it lies; false when `transform` is [`Affine::LATTICE`].
+    pub georeferenced: bool,
+    /// True when the file said PixelIsPoint (the transform already accounts for it).
+    pub pixel_is_point: bool,
+    /// The coordinate reference system, as far as known.
+    pub crs: Crs,
+    /// Storage type of the chosen band.
+    pub sample_type: SampleType,
+    /// Declared nodata value, in stored units (before scale and offset).
+    pub nodata: Option<f64>,
+    /// Height = stored * scale + offset.
+    pub scale: f64,
+    /// See `scale`.
+    pub offset: f64,
+    /// Natural block size (width, height) for reading.
+    pub block: (u32, u32),
+    /// Bands in the file.
+    pub bands: u32,
+    /// The chosen band, from 1.
+    pub band: u32,
+    /// Short format name of the registry ("GeoTIFF", "SRTM HGT", ...).
+    pub format: &'static str,
+    /// Free facts for `terrane info`: (name, value), such as ("compression", "deflate").
+    pub details: Vec<(String, String)>,
+}
+
+impl GridInfo {
+    /// One band of `width` x `height` samples without a place, system or nodata, read row by row.
+    pub fn plain(format: &'static str, width: u32, height: u32, sample_type: SampleType) -> Self {
+        Self {
+            width,
+            height,
+            transform: Affine::LATTICE,
+            georeferenced: false,
+            pixel_is_point: false,
+            crs: Crs::default(),
+            sample_type,
+            nodata: None,
+            scale: 1.0,
+            offset: 0.0,
+            block: (width, 1),
+            bands: 1,
+            band: 1,
+            format,
+            details: Vec::new(),
+        }
+    }
+
+    /// The rectangle of all samples.
+    pub fn bounds(&self) -> Rect {
+        Rect::new(0, 0, self.width, self.height)
+    }
+
+    /// Fails where cells are so small that doubles do not hold the positions of samples.
+    ///
+    /// # Errors
+    /// Unsupported: positions would be off their samples by more than a thousandth of a cell.
+    pub fn check_cells(&self) -> Result<()> {
+        let Affine { x0, a, b, y0, d, e } = self.transform;
+        if self.transform.resolves(self.width, self.height) {
+            return Ok(());
+        }
+        let [width, height] = [a.hypot(d), b.hypot(e)];
+        Err(Error::unsupported(format!(
+            "cells of {width:e} x {height:e} are too small for positions near {x0}, {y0}: doubles do not tell \
+             them apart"
+        ))
+        .remedy("place the grid nearer to 0: gdal_edit.py -a_ullr WEST NORTH EAST SOUTH FILE"))
+    }
+
+    /// True when every height this grid can hold is exactly an `f32`, so that
+    /// [`GridSource::read_f32`] loses nothing.
+    pub fn exact_in_f32(&self) -> bool {
+        use SampleType::{F16, F32, I8, I16, U8, U16};
+        let narrow = matches!(self.sample_type, I8 | U8 | I16 | U16 | F16 | F32);
+        narrow && self.scale == 1.0 && self.offset == 0.0
+    }
+}
+
+/// A grid that hands out windows of heights. Implementations are cheap to share between threads,
+/// never hold the whole grid, and keep any cache within the bytes they were opened with.
+pub trait GridSource: Send + Sync {
+    /// What the grid is.
+    fn info(&self) -> &GridInfo;
+
+    /// Reads the heights of `rect` (inside the grid) row by row into `out`
+    /// (`rect.len()` values). Voids (nodata, masked samples, NaN, infinities, sparse blocks) are
+    /// NaN.
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()>;
+
+    /// As [`read_f32`](Self::read_f32), in `f64`, exact for every sample type.
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()>;
+
+    /// Bytes of the largest block that is decoded whole: [`OpenOptions::cache_bytes`](crate::OpenOptions::cache_bytes) must hold as
+    /// many. 0 where samples are read straight from the file.
+    fn block_bytes(&self) -> u64 {
+        0
+    }
+
+    /// The files it is made of, where these are not the ones it was opened by: those that a virtual
+    /// raster names.
+    fn members(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
+    /// A hint that `rect` will not be read again soon: mapped pages or cached blocks may go.
+    fn release(&self, _rect: Rect) {}
+
+    /// A hint that all of `rect` has been read: mapped pages may go, as they cost little to have again.
+    fn copied(&self, _rect: Rect) {}
+}
+
+/// The common name of a unit of height, and its spelling where that is another.
+pub(crate) fn unit_and_text(text: &str) -> (String, Option<String>) {
+    let unit = normal_unit(text);
+    let text = (unit != text).then(|| text.to_owned());
+    (unit, text)
+}
+
+/// One spelling for each common unit of height.
+fn normal_unit(unit: &str) -> String {
+    match unit.trim().to_lowercase().as_str() {
+        "m" | "metre" | "metres" | "meter" | "meters" => "metre".to_owned(),
+        "ft" | "foot" | "feet" => "foot".to_owned(),
+        _ => unit.trim().to_owned(),
+    }
+}

@@ -1,0 +1,175 @@
+//! What the header of a raw grid says, of either kind, and values as headers write them.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use crate::grid::SampleType;
+use crate::strided::Layout;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs};
+use terrane_base::limits;
+
+/// How the bands lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Interleave {
+    /// By line.
+    Bil,
+    /// By pixel.
+    Bip,
+    /// One band after the other.
+    Bsq,
+}
+
+impl Interleave {
+    pub(super) fn named(name: &str) -> Option<Self> {
+        match name.to_ascii_lowercase().as_str() {
+            "bil" => Some(Self::Bil),
+            "bip" => Some(Self::Bip),
+            "bsq" => Some(Self::Bsq),
+            _ => None,
+        }
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Bil => "BIL",
+            Self::Bip => "BIP",
+            Self::Bsq => "BSQ",
+        }
+    }
+}
+
+/// What a header of either kind says.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Header {
+    pub(super) kind: &'static str,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) bands: u32,
+    pub(super) sample_type: SampleType,
+    pub(super) big_endian: bool,
+    pub(super) interleave: Interleave,
+    /// Bytes before the first sample.
+    pub(super) skip: u64,
+    /// Bytes of a row of one band, with padding, where stated.
+    pub(super) band_row_bytes: Option<u64>,
+    /// Bytes of a row of all bands, with padding, where stated.
+    pub(super) total_row_bytes: Option<u64>,
+    /// Bytes between bands that follow each other.
+    pub(super) band_gap_bytes: u64,
+    pub(super) transform: Option<Affine>,
+    pub(super) nodata: Option<f64>,
+    /// Height = stored * scale + offset, by band.
+    pub(super) scale: Vec<f64>,
+    pub(super) offset: Vec<f64>,
+    pub(super) crs: Crs,
+}
+
+impl Header {
+    /// Where the samples of band `band` (from 1) lie; `None` when that is beyond counting.
+    pub(super) fn layout(&self, band: u32) -> Option<Layout> {
+        let size = self.sample_type.bytes() as u64;
+        let (width, bands) = (u64::from(self.width), u64::from(self.bands));
+        let before = u64::from(band) - 1;
+        let band_row = self.band_row_bytes.unwrap_or(width * size);
+        let (col_pitch, row_pitch, band_pitch) = match self.interleave {
+            Interleave::Bil => {
+                let total = match self.total_row_bytes {
+                    Some(total) => total,
+                    None => band_row.checked_mul(bands)?,
+                };
+                (size, total, band_row)
+            }
+            Interleave::Bip => {
+                (size * bands, self.total_row_bytes.unwrap_or(width * size * bands), size)
+            }
+            Interleave::Bsq => {
+                let plane = band_row.checked_mul(u64::from(self.height))?;
+                (size, band_row, plane.checked_add(self.band_gap_bytes)?)
+            }
+        };
+        let offset = self.skip.checked_add(band_pitch.checked_mul(before)?)?;
+        Some(Layout { offset, col_pitch, row_pitch, big_endian: self.big_endian })
+    }
+
+    /// The lengths that a file of this can have: it ends with the last sample, or with what fills up
+    /// the last row, or with the gap behind its band. `None` when that is beyond counting.
+    pub(super) fn lengths(&self) -> Option<[u64; 3]> {
+        let last = self.layout(self.bands)?;
+        let end = last.end(self.width, self.height, self.sample_type.bytes())?;
+        let rows = last.row_pitch.checked_mul(self.height.into())?;
+        let start = if self.interleave == Interleave::Bsq { last.offset } else { self.skip };
+        let full = start.checked_add(rows)?;
+        Some([end, full, full.checked_add(self.band_gap_bytes)?])
+    }
+
+    /// True when nothing fills up the rows.
+    pub(super) fn is_dense(&self) -> bool {
+        let row = u64::from(self.width) * self.sample_type.bytes() as u64;
+        self.band_row_bytes.is_none_or(|bytes| bytes == row)
+            && self.total_row_bytes.is_none_or(|bytes| bytes == row * u64::from(self.bands))
+    }
+
+    /// Fails when stated row lengths are shorter than a row.
+    pub(super) fn check_rows(&self) -> Result<()> {
+        let row = u64::from(self.width) * self.sample_type.bytes() as u64;
+        let all = row * u64::from(self.bands);
+        for (name, stated, least) in [
+            ("BANDROWBYTES", self.band_row_bytes, row),
+            ("TOTALROWBYTES", self.total_row_bytes, all),
+        ] {
+            if let Some(stated) = stated
+                && stated < least
+            {
+                return Err(Error::bad_input(format!(
+                    "{name} is {stated}, less than the {least} bytes of a row"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A size from a header, from 1 to `most`.
+pub(super) fn count(key: &str, value: &str, most: u64) -> Result<u32> {
+    let number = whole(key, value)?;
+    limits::check(key, number, most)?;
+    match u32::try_from(number) {
+        Ok(number) if number > 0 => Ok(number),
+        _ => Err(Error::bad_input(format!("{key} is {value}, not a whole number above 0"))),
+    }
+}
+
+/// A whole number from a header, also one written as a decimal ("20.0").
+pub(super) fn whole(key: &str, value: &str) -> Result<u64> {
+    let bad = || Error::bad_input(format!("{key} is {value:?}, not a whole number"));
+    value.parse().or_else(|_| {
+        let number: f64 = value.parse().map_err(|_| bad())?;
+        let is_whole = number >= 0.0 && number.fract() == 0.0 && number < 1e15;
+        if is_whole { Ok(number as u64) } else { Err(bad()) }
+    })
+}
+
+/// Values by key; a key that has two is refused, as programs disagree on which counts.
+pub(super) fn once<V: PartialEq>(
+    pairs: impl Iterator<Item = (String, V)>,
+) -> Result<HashMap<String, V>> {
+    let mut values = HashMap::new();
+    for (key, value) in pairs {
+        match values.entry(key) {
+            Entry::Occupied(known) if *known.get() != value => {
+                let key = known.key();
+                return Err(Error::bad_input(format!("header says two things of {key}"))
+                    .remedy("take out the wrong line"));
+            }
+            Entry::Occupied(_) => {}
+            Entry::Vacant(new) => drop(new.insert(value)),
+        }
+    }
+    Ok(values)
+}
+
+/// A number from a header.
+pub(super) fn number(key: &str, value: &str) -> Result<f64> {
+    value.parse().map_err(|_| Error::bad_input(format!("{key} is {value:?}, not a number")))
+}

@@ -1,0 +1,127 @@
+//! The registry: every format that is read, and how the format of a file is found.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::format::{OpenOptions, RasterFormat};
+use crate::grid::GridSource;
+use crate::{
+    asc, beside, dted, geotiff, held, hgt, mosaic, npy, packed, pam, png, raw, synth, usgs, xyz,
+};
+use terrane_base::error::{Error, Result};
+use terrane_files::format::by_extension;
+use terrane_files::{is_held, path_of};
+
+/// All formats that can be read. A new one is one file and one line here.
+pub const FORMATS: &[RasterFormat] = &[
+    geotiff::FORMAT,
+    hgt::FORMAT,
+    asc::FORMAT,
+    raw::FORMAT,
+    png::FORMAT,
+    dted::FORMAT,
+    usgs::FORMAT,
+    xyz::FORMAT,
+    npy::FORMAT,
+    packed::GZIP,
+    packed::ZIP,
+    mosaic::vrt::FORMAT,
+];
+
+/// Bytes of a file's start that [`RasterFormat::sniff`] gets to see.
+const HEAD_BYTES: u64 = 64;
+
+/// Opens a grid: a file by its content, else by its extension, or a synthetic terrain by its name
+/// (`synth:rough,size=4097,seed=7`). `terrarium:` or `terrain-rgb:` before the name of a PNG tells
+/// how it holds heights.
+///
+/// # Errors
+/// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
+pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    if is_held(input) {
+        return held::open(input, options);
+    }
+    if input.starts_with(synth::PREFIX) {
+        return synth::open(input, options);
+    }
+    if let Some((packing, path)) = png::Packing::stated(input) {
+        let path = &*path_of(path);
+        return open_as(path, &png::FORMAT, options, |o| png::open(path, Some(packing), o));
+    }
+    open_path(&path_of(input), options)
+}
+
+/// The name of the file that `input` stands for: without `terrarium:` and the like before it.
+pub fn file_name(input: &str) -> &str {
+    png::Packing::stated(input).map_or(input, |(_, path)| path)
+}
+
+/// Opens a file of any format.
+pub(crate) fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let head = head_of(path)?;
+    let format = format_of(path, &head).ok_or_else(|| unknown_format(path))?;
+    open_as(path, format, options, |options| (format.open)(path, options))
+}
+
+/// Opens a file of `format` by `open`, with what lies beside it.
+fn open_as(
+    path: &Path,
+    format: &RasterFormat,
+    options: &OpenOptions,
+    open: impl Fn(&OpenOptions) -> Result<Box<dyn GridSource>>,
+) -> Result<Box<dyn GridSource>> {
+    refuse_mask(path, format)?;
+    pam::open(path, format, options, open)
+}
+
+/// A mask beside a file may void any of its samples; it is honoured for GeoTIFFs.
+fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
+    match beside::mask(path) {
+        Some(mask) if format.name != geotiff::FORMAT.name => {
+            let message = format!("a mask beside a file of {} is not supported", format.name);
+            Err(Error::unsupported(message).in_file(&mask).remedy(
+                "put both into a GeoTIFF: gdal_translate IN OUT.tif, or move the mask away",
+            ))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The format of a file: by its first bytes, else by its name. The header of a raw grid goes by
+/// its name, for it begins as a text grid does.
+pub(crate) fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
+    let is_header = raw::is_header_name(path);
+    let by_content = FORMATS.iter().find(|format| !is_header && (format.sniff)(head));
+    let by_name = || by_extension(FORMATS, path);
+    by_content.or_else(by_name).or_else(|| has_header(path).then_some(&raw::FORMAT))
+}
+
+/// True when an ESRI or ENVI header lies beside `path`, so that it is a raw grid whatever its
+/// ending, unless that is another format's.
+pub fn has_header(path: &Path) -> bool {
+    raw::header_beside(path).is_some()
+}
+
+/// The first bytes of a regular file.
+pub(crate) fn head_of(path: &Path) -> Result<Vec<u8>> {
+    let fail = |e| Error::read(path, e);
+    let meta = std::fs::metadata(path).map_err(fail)?;
+    if !meta.is_file() {
+        return Err(Error::usage("is not a file").in_file(path));
+    }
+    let mut head = Vec::new();
+    File::open(path).and_then(|f| f.take(HEAD_BYTES).read_to_end(&mut head)).map_err(fail)?;
+    if head.is_empty() {
+        return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
+    }
+    Ok(head)
+}
+
+fn unknown_format(path: &Path) -> Error {
+    let known = |f: &RasterFormat| format!("{} (.{})", f.name, f.extensions.join(", ."));
+    let known: Vec<String> = FORMATS.iter().map(known).collect();
+    Error::bad_input("is not a raster file of a known format")
+        .in_file(path)
+        .remedy(format!("terrane reads {}", known.join(", ")))
+}
