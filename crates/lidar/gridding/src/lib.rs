@@ -7,12 +7,15 @@
 
 mod block;
 pub mod canopy;
+mod cell;
 mod disc;
 mod fill;
 mod lattice;
+mod parameter;
 pub mod pitfree;
 mod plane;
 mod recipe;
+mod region;
 mod statistic;
 mod subject;
 #[cfg(test)]
@@ -20,14 +23,17 @@ mod tests;
 #[cfg(test)]
 mod tests_of_subjects;
 
-pub use block::{Block, Units};
+pub use block::Block;
 pub use canopy::Canopy;
+pub use cell::Units;
 pub use disc::{Scatter, Target};
 pub use fill::fill;
 pub use lattice::{Axis, Edges, FAR, Lattice, Unit};
+pub use parameter::Parameter;
 pub use plane::Hits;
-pub use recipe::{Band, Recipe, Region, Rules};
+pub use recipe::{Band, Recipe};
+pub use region::{Region, Rules};
 pub use statistic::{
-    Asked, METHODS, MOST_POWER, Method, Parameter, Shape, Statistic, check_power, parse_list,
+    Asked, METHODS, MOST_POWER, Method, Shape, Statistic, check_power, parse_list,
 };
 pub use subject::{OF_POINTS, Selected, Selector, Subject};

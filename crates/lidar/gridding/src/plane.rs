@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::fmt::Debug;
 
-use bytemuck::Pod;
+use bytemuck::{Pod, Zeroable};
 
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
@@ -145,5 +145,32 @@ impl Primitive {
             bytes_per_cell: size_of::<K>(),
             bytes_per_point: 0,
         }
+    }
+}
+
+/// How many points.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Count(pub(super) u32);
+
+impl Count {
+    pub(super) const KEPT: Primitive = Primitive::cells::<Self>("count");
+}
+
+impl Keep for Count {
+    const NONE: Self = Self(0);
+
+    #[inline(always)]
+    fn take(&mut self, _: &Point, _: u128) -> bool {
+        let (next, over) = self.0.overflowing_add(1);
+        self.0 = next;
+        !over
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: Self) -> bool {
+        let (next, over) = self.0.overflowing_add(other.0);
+        self.0 = next;
+        !over
     }
 }

@@ -6,37 +6,11 @@
 //! what is kept can be added up in any order. Weights of inverse distances are rounded to whole numbers
 //! once, before they are added.
 
-use super::block::Units;
+use super::cell::Units;
 use super::plane::Primitive;
+use super::region::{Region, Rules};
 use super::statistic::{Asked, Statistic};
 use super::subject::Subject;
-
-/// Which points a cell takes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Region {
-    /// Those in it.
-    Cell,
-    /// Those nearer to its centre than this, in world units.
-    Disc(f64),
-}
-
-/// What holds for all statistics that do not say otherwise.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rules {
-    /// Radius of idw and nearest, in world units.
-    pub radius: f64,
-    /// Power of distance for idw.
-    pub power: f64,
-    /// Every statistic is of the points within the radius, not only of those in the cell.
-    pub around: bool,
-}
-
-impl Rules {
-    /// The points of a statistic that has no radius of its own.
-    pub(super) fn own(&self) -> Region {
-        if self.around { Region::Disc(self.radius) } else { Region::Cell }
-    }
-}
 
 /// What is kept of the points, and the bands that are made of it.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::statistic::Parameter;
+use super::parameter::Parameter;
 use terrane_base::attribute::{CLASS, RETURN, RETURNS, Return, known};
 use terrane_base::geom::{Frame, Point};
 

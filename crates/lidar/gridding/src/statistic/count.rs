@@ -1,37 +1,7 @@
 //! How many points there are.
 
-use bytemuck::{Pod, Zeroable};
-
-use super::{Method, Nature, Of, Takes};
-use crate::plane::{Keep, Primitive};
-use terrane_base::geom::Point;
-
-/// How many.
-#[repr(transparent)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(super) struct Count(pub(super) u32);
-
-impl Count {
-    pub(super) const KEPT: Primitive = Primitive::cells::<Self>("count");
-}
-
-impl Keep for Count {
-    const NONE: Self = Self(0);
-
-    #[inline(always)]
-    fn take(&mut self, _: &Point, _: u128) -> bool {
-        let (next, over) = self.0.overflowing_add(1);
-        self.0 = next;
-        !over
-    }
-
-    #[inline(always)]
-    fn join(&mut self, other: Self) -> bool {
-        let (next, over) = self.0.overflowing_add(other.0);
-        self.0 = next;
-        !over
-    }
-}
+use super::method::{Method, Nature, Of, Takes};
+use crate::plane::Count;
 
 pub(super) const COUNT: Method = Method {
     name: "count",

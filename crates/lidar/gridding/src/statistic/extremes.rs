@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Method, Of};
-use crate::block::Cell;
+use super::method::{Method, Of};
+use crate::cell::Cell;
 use crate::plane::{Keep, Primitive};
 use terrane_base::geom::Point;
 

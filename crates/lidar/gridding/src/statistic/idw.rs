@@ -2,9 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Method, NUMBER, Of, Parameter, RADIUS};
+use super::method::{Method, Of};
+use crate::parameter::{NUMBER, Parameter, RADIUS};
 use crate::plane::{Cells, Hits, Keep, Plane, Primitive, like};
-use crate::recipe::Region;
+use crate::region::Region;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 

@@ -4,6 +4,7 @@
 mod count;
 mod extremes;
 mod idw;
+mod method;
 mod mode;
 mod moments;
 mod nearest;
@@ -15,284 +16,14 @@ mod surface;
 
 use serde::{Deserialize, Serialize};
 
-use super::block::{Cell, Units};
-use super::plane::Primitive;
-use super::recipe::{Region, Rules};
-use super::subject::{ATTRIBUTE, CONDITIONS, Subject};
-use sorted::{Real, Sorted, Values as All, Whole};
+use crate::parameter::Given;
+use crate::subject::Subject;
+use method::Stored;
 use terrane_base::error::{Error, Result};
-use terrane_base::registry::{Named, named};
+use terrane_base::registry::named;
 
 pub use idw::{MOST_POWER, check_power};
-pub use surface::Shape;
-
-/// A statistic of the registry with its parameters.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-#[serde(into = "Stored", try_from = "Stored")]
-pub struct Statistic {
-    method: &'static Method,
-    values: Values,
-}
-
-/// Parameters in the order of the method's; the rank of a percentile.
-type Values = [Option<f64>; 2];
-
-impl PartialEq for Statistic {
-    fn eq(&self, other: &Self) -> bool {
-        self.method.name == other.method.name && self.values == other.values
-    }
-}
-
-impl Statistic {
-    /// Its name in the registry.
-    pub fn name(&self) -> &'static str {
-        self.method.name
-    }
-
-    /// True for values in the unit of what it is of.
-    pub fn is_height(&self) -> bool {
-        matches!(self.method.nature, Nature::Height | Nature::Nominal)
-    }
-
-    /// True for whole numbers of points or of values.
-    pub fn is_whole(&self) -> bool {
-        self.method.nature == Nature::Count
-    }
-
-    /// True when a cell without points has a value, which is 0.
-    pub fn counts(&self) -> bool {
-        matches!(self.method.nature, Nature::Count | Nature::Density)
-    }
-
-    /// True when the mean of two values is one, so that voids can be filled from around.
-    pub fn fills(&self) -> bool {
-        matches!(self.method.nature, Nature::Height | Nature::Ratio)
-    }
-
-    /// The value of a parameter that was given.
-    pub fn parameter(&self, key: &str) -> Option<f64> {
-        self.place(key).and_then(|at| self.values[at])
-    }
-
-    /// The rank of a percentile, 0 to 100.
-    pub fn rank(&self) -> Option<f64> {
-        self.values[0].filter(|_| self.method.ranks)
-    }
-
-    /// True when it has a parameter of this name that was not given, so that the job's counts.
-    pub fn lacks(&self, key: &str) -> bool {
-        self.place(key).is_some_and(|at| self.values[at].is_none())
-    }
-
-    fn place(&self, key: &str) -> Option<usize> {
-        self.method.parameters.iter().position(|parameter| parameter.key == key)
-    }
-
-    /// What surface it is the height of, if it is made of all points and not of those of a cell.
-    pub fn shape(&self) -> Option<Shape> {
-        match self.method.of {
-            Of::All(shape) => Some(shape(self)),
-            _ => None,
-        }
-    }
-
-    /// The height of the surface that is linear in the triangulation of all points, but for triangles with
-    /// an edge longer than `max_edge`, in world units.
-    pub fn linear(max_edge: Option<f64>) -> Self {
-        Self { method: &surface::TIN, values: [max_edge, None] }
-    }
-
-    /// The points that it is of, and what has to be kept of them where their values are `real`.
-    pub(super) fn needs(&self, rules: &Rules, real: bool) -> (Region, Vec<Primitive>) {
-        match self.method.of {
-            Of::Points { needs, .. } if !real => needs(self, rules),
-            Of::Points { .. } | Of::Sorted(_) => {
-                (rules.own(), vec![if real { sorted::REAL } else { sorted::WHOLE }])
-            }
-            Of::Share { .. } => (rules.own(), vec![count::Count::KEPT]),
-            Of::All(_) => (rules.own(), Vec::new()),
-        }
-    }
-
-    /// The points that those of `subject` are a share of, of whom as much has to be kept.
-    pub(super) fn base(&self, subject: &Subject) -> Option<Subject> {
-        match self.method.of {
-            Of::Share { base, .. } => Some(base(subject)),
-            _ => None,
-        }
-    }
-
-    /// Its value in a cell of points with `real` values; NaN where there is none.
-    pub(super) fn value(&self, cell: &Cell<'_>, real: bool) -> f64 {
-        match self.method.of {
-            Of::Points { value, .. } if !real => value(self, cell),
-            Of::Points { .. } => {
-                self.method.reals.map_or(f64::NAN, |value| value(self, reals(cell), cell.units))
-            }
-            Of::Sorted(value) if real => value(self, reals(cell), cell.units),
-            Of::Sorted(value) => {
-                let values = cell.plane::<All<Whole>>(0).map_or(&[][..], |all| all.of(cell.at));
-                value(self, Sorted::Whole(values), cell.units)
-            }
-            Of::Share { value, .. } => value(cell),
-            // Cells know nothing of the points around them.
-            Of::All(_) => f64::NAN,
-        }
-    }
-}
-
-/// The values of a cell that are any numbers.
-fn reals<'a>(cell: &Cell<'a>) -> Sorted<'a> {
-    Sorted::Real(cell.plane::<All<Real>>(0).map_or(&[][..], |all| all.of(cell.at)))
-}
-
-/// A statistic as plans have it.
-#[derive(Serialize, Deserialize)]
-struct Stored {
-    name: String,
-    values: Values,
-}
-
-impl From<Statistic> for Stored {
-    fn from(statistic: Statistic) -> Self {
-        Self { name: statistic.name().to_owned(), values: statistic.values }
-    }
-}
-
-impl TryFrom<Stored> for Statistic {
-    type Error = Error;
-
-    fn try_from(stored: Stored) -> Result<Self> {
-        let method = named(METHODS, &stored.name)?;
-        Ok(Self { method, values: stored.values })
-    }
-}
-
-/// One statistic of the registry.
-#[derive(Debug)]
-pub struct Method {
-    /// Name for `--stat`, unique.
-    pub name: &'static str,
-    /// Other names.
-    pub aliases: &'static [&'static str],
-    /// One line for the documentation.
-    pub about: &'static str,
-    /// What may follow its name.
-    pub parameters: &'static [Parameter],
-    nature: Nature,
-    /// It is a percentile, whose rank is in its name.
-    ranks: bool,
-    /// What may say which points and values it is of.
-    takes: Takes,
-    /// The attribute it is of unless another is named; heights when `None`.
-    usual: Option<&'static str>,
-    /// What it is of where that was not said.
-    complete: fn(Subject) -> Subject,
-    check: fn(&Given) -> Result<Values>,
-    of: Of,
-    /// The same of all values in order, where they are any numbers.
-    reals: Option<OfSorted>,
-}
-
-/// What its values are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Nature {
-    /// Whole numbers of points or values, 0 where there is none.
-    Count,
-    /// Points for an area, 0 where there is none.
-    Density,
-    /// Heights, or differences of them; or values of another attribute.
-    Height,
-    /// Numbers without a unit.
-    Ratio,
-    /// Codes: what lies between two of them is none.
-    Nominal,
-}
-
-/// What may say which points and values a statistic is of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Takes {
-    Nothing,
-    Conditions,
-    /// And the attribute.
-    Attributes,
-}
-
-/// A value that is made of all values of a cell, in world units.
-type OfSorted = fn(&Statistic, Sorted<'_>, &Units) -> f64;
-
-/// What a statistic is made of.
-#[derive(Clone, Copy, Debug)]
-enum Of {
-    /// Of some points.
-    Points {
-        /// Of which, and what has to be kept of them.
-        needs: fn(&Statistic, &Rules) -> (Region, Vec<Primitive>),
-        /// The value that is made of it, in world units.
-        value: fn(&Statistic, &Cell<'_>) -> f64,
-    },
-    /// Of all values in order.
-    Sorted(OfSorted),
-    /// Of how many points there are, and how many of the base.
-    Share {
-        /// The points that they are a share of.
-        base: fn(&Subject) -> Subject,
-        /// The share.
-        value: fn(&Cell<'_>) -> f64,
-    },
-    /// Of all points, as the height of this surface.
-    All(fn(&Statistic) -> Shape),
-}
-
-impl Takes {
-    fn parameters(self) -> impl Iterator<Item = &'static Parameter> {
-        let attribute = Some(&ATTRIBUTE).filter(|_| self == Self::Attributes);
-        let conditions = CONDITIONS.iter().filter(move |_| self != Self::Nothing);
-        attribute.into_iter().chain(conditions)
-    }
-}
-
-impl Method {
-    /// What most have in common, to be completed: a height without parameters.
-    const HEIGHT: Self = Self {
-        name: "",
-        aliases: &[],
-        about: "",
-        parameters: &[],
-        nature: Nature::Height,
-        ranks: false,
-        takes: Takes::Attributes,
-        usual: None,
-        complete: |subject| subject,
-        check: |_| Ok([None; 2]),
-        of: Of::Points { needs: |_, rules| (rules.own(), Vec::new()), value: |_, _| f64::NAN },
-        reals: None,
-    };
-
-    /// Whether it can be of values that are any numbers.
-    fn is_of_reals(&self) -> bool {
-        self.reals.is_some() || matches!(self.of, Of::Sorted(_))
-    }
-}
-
-/// A parameter of a statistic.
-#[derive(Debug)]
-pub struct Parameter {
-    /// Its name.
-    pub key: &'static str,
-    /// What its value is, in a word.
-    pub value: &'static str,
-    /// One line for the documentation, with the default.
-    pub about: &'static str,
-}
-
-const NUMBER: &str = "NUMBER";
-
-const RADIUS: Parameter = Parameter {
-    key: "radius",
-    value: NUMBER,
-    about: "points nearer than this to the cell's centre [‹radius›]",
-};
+pub use method::{Method, Shape, Statistic};
 
 /// All statistics. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] = &[
@@ -318,25 +49,20 @@ pub const METHODS: &[Method] = &[
     surface::NATURAL,
 ];
 
-/// Parameters as given.
-#[derive(Debug, Default)]
-struct Given {
-    rank: Option<f64>,
-    values: Vec<(String, f64)>,
+impl TryFrom<Stored> for Statistic {
+    type Error = Error;
+
+    fn try_from(stored: Stored) -> Result<Self> {
+        let method = named(METHODS, &stored.name)?;
+        Ok(Self { method, values: stored.values })
+    }
 }
 
-impl Given {
-    fn value(&self, key: &str) -> Option<f64> {
-        self.values.iter().find(|(k, _)| k == key).map(|(_, value)| *value)
-    }
-
-    fn positive(&self, key: &str) -> Result<Option<f64>> {
-        match self.value(key) {
-            Some(value) if value <= 0.0 => {
-                Err(Error::usage(format!("{key}={value} is not above zero")))
-            }
-            value => Ok(value),
-        }
+impl Statistic {
+    /// The height of the surface that is linear in the triangulation of all points, but for triangles with
+    /// an edge longer than `max_edge`, in world units.
+    pub fn linear(max_edge: Option<f64>) -> Self {
+        Self { method: &surface::TIN, values: [max_edge, None] }
     }
 }
 
@@ -373,18 +99,6 @@ pub fn parse_list(text: &str) -> Result<Vec<Asked>> {
         asked.push(one);
     }
     Ok(asked)
-}
-
-impl Named for Method {
-    const KIND: &'static str = "statistic";
-
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn aliases(&self) -> &'static [&'static str] {
-        self.aliases
-    }
 }
 
 /// Items between commas; "key=value" goes with the item before it.

@@ -1,7 +1,7 @@
 //! Which values there are: the most frequent one, and how many different ones.
 
+use super::method::{Method, Nature, Of};
 use super::sorted::Sorted;
-use super::{Method, Nature, Of};
 use terrane_base::attribute::CLASS;
 
 pub(super) const MODE: Method = Method {

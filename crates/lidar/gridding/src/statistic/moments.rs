@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::count::Count;
-use super::{Given, Method, NUMBER, Of, Parameter, Values};
-use crate::block::Cell;
-use crate::plane::{Keep, Primitive};
+use super::method::{Method, Of, Values};
+use crate::cell::Cell;
+use crate::parameter::{Given, NUMBER, Parameter};
+use crate::plane::{Count, Keep, Primitive};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 

@@ -2,9 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Method, Of, RADIUS};
+use super::method::{Method, Of};
+use crate::parameter::RADIUS;
 use crate::plane::{Keep, Primitive};
-use crate::recipe::Region;
+use crate::region::Region;
 use terrane_base::geom::Point;
 
 /// The nearest point so far, of equally near ones the lowest.

@@ -1,7 +1,7 @@
 //! Percentiles, from all values.
 
+use super::method::{Method, Of};
 use super::sorted::Sorted;
-use super::{Method, Of};
 use terrane_base::error::Error;
 
 const OF: Of = Of::Sorted(|statistic, values, units| {

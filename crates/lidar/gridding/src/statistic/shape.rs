@@ -1,8 +1,9 @@
 //! How values are distributed: skewness, kurtosis and entropy.
 
+use super::method::{Method, Nature, Of};
 use super::sorted::Sorted;
-use super::{Method, NUMBER, Nature, Of, Parameter};
-use crate::block::Units;
+use crate::cell::Units;
+use crate::parameter::{NUMBER, Parameter};
 
 pub(super) const SKEWNESS: Method = Method {
     name: "skewness",

@@ -1,8 +1,8 @@
 //! Some points as a share of others.
 
-use super::count::Count;
-use super::{Method, Nature, Of, Takes};
-use crate::block::Cell;
+use super::method::{Method, Nature, Of, Takes};
+use crate::cell::Cell;
+use crate::plane::Count;
 use crate::subject::Subject;
 use terrane_base::attribute::Return;
 

@@ -1,18 +1,7 @@
 //! Heights of surfaces through all points: no cell knows enough for one, and none is kept.
 
-use super::{Method, NUMBER, Of, Parameter, Takes};
-
-/// How heights between points are made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
-    /// Linear in the Delaunay triangulation.
-    Linear {
-        /// Triangles with a longer edge, in world units, are no surface.
-        max_edge: Option<f64>,
-    },
-    /// From natural neighbours (Sibson 1981).
-    Natural,
-}
+use super::method::{Method, Of, Shape, Takes};
+use crate::parameter::{NUMBER, Parameter};
 
 const MAX_EDGE: Parameter = Parameter {
     key: "max_edge",

@@ -1,0 +1,45 @@
+//! The parameters of statistics: what they are called, and the numbers that were given for them.
+
+use terrane_base::error::{Error, Result};
+
+/// A parameter of a statistic.
+#[derive(Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub key: &'static str,
+    /// What its value is, in a word.
+    pub value: &'static str,
+    /// One line for the documentation, with the default.
+    pub about: &'static str,
+}
+
+/// What the value of most is.
+pub(super) const NUMBER: &str = "NUMBER";
+
+pub(super) const RADIUS: Parameter = Parameter {
+    key: "radius",
+    value: NUMBER,
+    about: "points nearer than this to the cell's centre [‹radius›]",
+};
+
+/// Parameters as given.
+#[derive(Debug, Default)]
+pub(super) struct Given {
+    pub(super) rank: Option<f64>,
+    pub(super) values: Vec<(String, f64)>,
+}
+
+impl Given {
+    pub(super) fn value(&self, key: &str) -> Option<f64> {
+        self.values.iter().find(|(k, _)| k == key).map(|(_, value)| *value)
+    }
+
+    pub(super) fn positive(&self, key: &str) -> Result<Option<f64>> {
+        match self.value(key) {
+            Some(value) if value <= 0.0 => {
+                Err(Error::usage(format!("{key}={value} is not above zero")))
+            }
+            value => Ok(value),
+        }
+    }
+}

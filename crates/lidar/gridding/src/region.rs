@@ -1,0 +1,28 @@
+//! Which points a cell takes, and the rules for statistics that do not say.
+
+/// Which points a cell takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Region {
+    /// Those in it.
+    Cell,
+    /// Those nearer to its centre than this, in world units.
+    Disc(f64),
+}
+
+/// What holds for all statistics that do not say otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Radius of idw and nearest, in world units.
+    pub radius: f64,
+    /// Power of distance for idw.
+    pub power: f64,
+    /// Every statistic is of the points within the radius, not only of those in the cell.
+    pub around: bool,
+}
+
+impl Rules {
+    /// The points of a statistic that has no radius of its own.
+    pub(super) fn own(&self) -> Region {
+        if self.around { Region::Disc(self.radius) } else { Region::Cell }
+    }
+}
