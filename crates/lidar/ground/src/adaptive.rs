@@ -10,11 +10,12 @@
 //! between. Points near its surface are ground: on level ground only those that ranging moved, as low plants
 //! are hardly further off.
 
+use crate::cells::{Cells, WIDEST};
 use crate::csf::{Cloth, settled};
-use crate::densify::{Cells, Limits, WIDEST, densified};
+use crate::densify::{Limits, densified};
+use crate::finder::{Asked, GroundFinder, Lattice, Method};
 use crate::grow::{grown, scatter};
 use crate::lows::Lows;
-use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 
 pub(crate) const METHOD: Method = Method {

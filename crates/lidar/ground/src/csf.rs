@@ -6,9 +6,9 @@
 //! node that meets the lowest point of its cell stays there, and steep ground that the cloth spans is
 //! mended in the end.
 
+use crate::finder::{Asked, GroundFinder, Lattice, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 use terrane_base::parameters::Parameter;
 

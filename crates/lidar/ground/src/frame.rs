@@ -1,6 +1,6 @@
 //! Vertices around a window: what lies beyond the ground that is known so far is in triangles, too.
 
-use crate::densify::{Cells, MILLI};
+use crate::cells::{Cells, MILLI};
 use terrane_base::geom::Point;
 
 /// Cells from the window to the frame.

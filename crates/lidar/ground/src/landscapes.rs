@@ -1,8 +1,9 @@
 //! Landscapes whose ground is known, with what stands on them: all methods beside each other, with low outliers and
 //! without.
 
+use crate::finder::Asked;
 use crate::lows::{Lows, NO_POINT};
-use crate::method::{Asked, METHODS};
+use crate::method::METHODS;
 use terrane_base::geom::Point;
 use terrane_delaunay::{Position, Triangulation, interpolate};
 

@@ -8,9 +8,11 @@
 
 mod adaptive;
 pub mod asked;
+mod cells;
 mod csf;
 mod densify;
 pub mod filter;
+mod finder;
 mod frame;
 mod grid;
 mod grow;
@@ -27,6 +29,7 @@ mod smrf;
 mod surface;
 mod tin;
 
+pub use finder::{Asked, GroundFinder, Lattice, Method};
 pub use lows::{EMPTY, Lows, NO_POINT};
-pub use method::{Asked, GroundFinder, Lattice, METHODS, Method};
+pub use method::METHODS;
 pub use surface::Ground;

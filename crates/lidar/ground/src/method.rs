@@ -1,6 +1,7 @@
-//! The methods that find the ground: what one is, and how it is asked for with its parameters.
+//! The methods that find the ground, and how the ground is found by the one that is asked for.
 
-use super::asked::{self, Finder};
+use super::asked::Finder;
+use super::finder::{Asked, GroundFinder, Lattice, Method};
 use super::lows::Lows;
 use super::surface::Ground;
 use super::{adaptive, csf, filter, outliers, ptd, smrf};
@@ -9,49 +10,9 @@ use super::{adaptive, csf, filter, outliers, ptd, smrf};
 pub const METHODS: &[Method] =
     &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, filter::METHOD];
 
-/// One method of the registry.
-pub type Method = asked::Method<GroundFinder>;
-/// A method with its parameters.
-pub type Asked = asked::Asked<GroundFinder>;
-
-/// How a method finds the ground.
-#[derive(Clone, Copy, Debug)]
-pub struct GroundFinder {
-    /// How the plane is divided for it, points being so many metres apart.
-    pub(crate) lattice: fn(&Asked, f64) -> Lattice,
-    pub(crate) find: fn(&Asked, &Lows<'_>) -> Ground,
-}
-
 impl Finder for GroundFinder {
     const KIND: &'static str = "method to find the ground";
     const METHODS: &'static [Method] = METHODS;
-}
-
-/// The squares of cells that a method works in, and what each has to see.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lattice {
-    /// Side of a cell in metres.
-    pub cell: f64,
-    /// Cells that a square sees beyond its own.
-    pub halo: usize,
-    /// Cells along a square, where the result depends on that; else any number gives the same.
-    pub core: Option<usize>,
-}
-
-/// Metres along a square of a fixed lattice and its halo, and most cells of both.
-const CORE: (f64, usize) = (512.0, 768);
-const HALO: (f64, usize) = (128.0, 192);
-/// Fewest cells of both.
-const FEWEST: usize = 16;
-
-impl Lattice {
-    /// Squares of a size that depends on that of the cells alone: for methods whose cells depend on
-    /// others however far away, and which are therefore defined on these squares.
-    pub(crate) fn fixed(cell: f64) -> Self {
-        let cells =
-            |(metres, most): (f64, usize)| ((metres / cell).ceil() as usize).clamp(FEWEST, most);
-        Self { cell, halo: cells(HALO), core: Some(cells(CORE)) }
-    }
 }
 
 impl Asked {

@@ -3,9 +3,10 @@
 //!
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 
-use crate::densify::{Cells, Limits, WIDEST, densified};
+use crate::cells::{Cells, WIDEST};
+use crate::densify::{Limits, densified};
+use crate::finder::{Asked, GroundFinder, Lattice, Method};
 use crate::lows::Lows;
-use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 use terrane_base::parameters::Parameter;
 

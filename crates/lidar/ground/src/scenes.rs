@@ -1,7 +1,7 @@
 //! Scenes whose ground is known exactly, for the method `adaptive`.
 
+use crate::finder::Asked;
 use crate::lows::{Lows, NO_POINT};
-use crate::method::Asked;
 use terrane_base::geom::Point;
 
 const WIDTH: usize = 180;

@@ -5,9 +5,9 @@
 //! openings with discs cut off by more than their radius times a slope is an object; holes are filled
 //! by springs; points near what is left are ground, the further off it the steeper it is.
 
+use crate::finder::{Asked, GroundFinder, Lattice, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::Ground;
 use terrane_base::parameters::Parameter;
 

@@ -1,11 +1,22 @@
 //! Holes filled by means of what lies around them, as far as a limit.
 
-use super::EMPTY;
+use crate::lows::EMPTY;
 
 /// How far a hole is filled, for windows of this radius: whatever a window takes off leaves no hole
 /// that is wider.
 pub(super) fn reach(radius: usize) -> usize {
     2 * radius
+}
+
+/// Cells in the middle of empty ones.
+pub(super) fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
+    let wide = width + 2 * margin;
+    let mut cells = vec![EMPTY; wide * (inner.len() / width + 2 * margin)];
+    let lines = cells.chunks_exact_mut(wide).skip(margin);
+    for (line, inner) in lines.zip(inner.chunks_exact(width)) {
+        line[margin..margin + width].copy_from_slice(inner);
+    }
+    cells
 }
 
 /// The heights with each empty cell at the mean of the smallest square around it that holds enough

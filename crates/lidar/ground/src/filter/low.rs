@@ -1,6 +1,6 @@
 //! Points below the ground: echoes that bounced, of which a cell's lowest height knows nothing.
 
-use super::EMPTY;
+use crate::lows::EMPTY;
 
 /// Cells on each side that a cell is compared with.
 pub(super) const REACH: usize = 2;

@@ -12,11 +12,14 @@
 mod fill;
 mod low;
 mod open;
+mod parameters;
 
+use crate::finder::{Asked, GroundFinder, Lattice, Method};
 use crate::lows::{EMPTY, Lows};
-use crate::method::{Asked, GroundFinder, Lattice, Method};
 use crate::surface::{BESIDE, Ground};
-use fill::filled;
+use fill::{filled, widened};
+
+pub use parameters::Parameters;
 
 pub(crate) const METHOD: Method = Method {
     name: "filter",
@@ -40,47 +43,13 @@ fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
     ground(&minima, lows.width, &Parameters::metres(lows.cell, lows.step[2]))
 }
 
-/// What is ground. Lengths are in one unit, the same for x, y and z.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parameters {
-    /// Side of a cell.
-    pub cell: f64,
-    /// A step of the heights.
-    pub step: f64,
-    /// Half the width of the largest objects that are taken off.
-    pub window: f64,
-    /// Steepest terrain, as rise over run; what is steeper is cut off as an object.
-    pub slope: f64,
-    /// How far from the surface a ground point may lie on level ground.
-    pub height: f64,
-    /// How much further it may lie where the terrain is not level, for each unit that it rises from
-    /// a cell to the next: a cell's lowest point lies at its lower end.
-    pub scaling: f64,
-    /// How far a low point must lie below all but a few around it to be noise.
-    pub depth: f64,
-}
-
 impl Parameters {
-    /// The usual values for cells of side `cell` and heights in steps of `step`, in metres.
-    pub fn metres(cell: f64, step: f64) -> Self {
-        let (window, slope, height, scaling, depth) = (18.0, 0.15, 0.5, 1.25, 1.0);
-        Self { cell, step, window, slope, height, scaling, depth }
-    }
-
-    /// Half the width of the largest window, in cells.
-    fn radius(&self) -> usize {
-        (self.window / self.cell).ceil().clamp(1.0, MOST_RADIUS) as usize
-    }
-
     /// How many cells around a cell its surface, and what is ground in it, depend on.
     pub fn reach(&self) -> usize {
         let radius = self.radius();
         low::REACH + 2 * fill::reach(radius) + open::reach(radius) + BESIDE
     }
 }
-
-/// Most cells of half a window.
-const MOST_RADIUS: f64 = 1024.0;
 
 /// The ground under the cells whose lowest heights are `minima`, row by row, in steps; cells without
 /// points are [`EMPTY`], and so is all beyond the window. Cells further than [`Parameters::reach`]
@@ -100,17 +69,6 @@ pub fn ground(minima: &[i32], width: usize, parameters: &Parameters) -> Ground {
     let Parameters { step, height: near, scaling, .. } = *parameters;
     let heights = heights.into_iter().map(height).collect();
     Ground::new(width, heights, |slope| near / step + scaling * slope)
-}
-
-/// Cells in the middle of empty ones.
-fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
-    let wide = width + 2 * margin;
-    let mut cells = vec![EMPTY; wide * (inner.len() / width + 2 * margin)];
-    let lines = cells.chunks_exact_mut(wide).skip(margin);
-    for (line, inner) in lines.zip(inner.chunks_exact(width)) {
-        line[margin..margin + width].copy_from_slice(inner);
-    }
-    cells
 }
 
 #[cfg(test)]

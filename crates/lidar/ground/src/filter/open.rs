@@ -1,7 +1,9 @@
 //! Objects on the ground, told by morphological openings with ever larger windows.
 
-use super::{EMPTY, Parameters, fill, widened};
+use super::fill::{self, widened};
+use super::parameters::Parameters;
 use crate::grid::slid;
+use crate::lows::EMPTY;
 
 /// What dilation takes for a cell that no window with any height starts at.
 const NOTHING: i32 = i32::MIN;

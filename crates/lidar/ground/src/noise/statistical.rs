@@ -7,8 +7,10 @@
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
+use super::finder::{Around, Asked, CLASS, Limit, Method, NoiseFinder};
+use super::space::{Space, bounds};
+use super::sums::Sums;
 use super::tree::Tree;
-use super::{Around, Asked, CLASS, Limit, Method, NoiseFinder, Space, Sums, bounds};
 use terrane_base::parameters::Parameter;
 
 pub(super) const METHOD: Method = Method {

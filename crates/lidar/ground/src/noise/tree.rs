@@ -2,7 +2,7 @@
 
 use terrane_base::geom::Point;
 
-use super::{Bounds, Space, bounds, gaps};
+use super::space::{Bounds, Space, bounds, gaps};
 
 /// Most points that are not divided further.
 const LEAF: usize = 12;

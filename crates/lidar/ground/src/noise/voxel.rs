@@ -3,11 +3,11 @@
 //! After `lasnoise` of LAStools and the isolated voxel filter (`ivf`) of lidR: space is divided into cubes, and points
 //! are noise where the 27 cubes around and with their own hold few, themselves counted.
 
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-use super::too_small;
-use super::{Around, Asked, Bounds, CLASS, Limit, Method, NoiseFinder, Space};
+use super::finder::{Around, Asked, CLASS, Limit, Method, NoiseFinder};
+use super::space::{Bounds, Space};
 use terrane_base::parameters::Parameter;
 
 pub(super) const METHOD: Method = Method {
@@ -138,4 +138,10 @@ fn span(open: &[(Voxel, u64)]) -> Option<[Voxel; 2]> {
         let end = |of: fn(i64, i64) -> i64, end: Voxel| [0, 1, 2].map(|i| of(end[i], voxel[i]));
         [end(i64::min, low), end(i64::max, high)]
     })
+}
+
+/// A cube smaller than a step of the points.
+fn too_small(side: f64, step: f64) -> Error {
+    Error::usage(format!("cubes of {side} m are smaller than a step of the points, {step} m"))
+        .remedy("choose larger ones with step=")
 }
