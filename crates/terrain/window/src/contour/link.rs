@@ -1,7 +1,7 @@
 //! Segments made lines, by following them from node to node.
 
 use super::sweep::{ENTERED, EXACT, NONE, Node, TAKEN};
-use super::{Edge, Vertex};
+use super::vertex::{Edge, Vertex};
 use terrane_base::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;

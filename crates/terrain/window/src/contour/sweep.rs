@@ -5,9 +5,23 @@
 //! at a time.
 
 use super::levels::{Levels, VOID};
-use super::{NEAREST, Window};
 use terrane_base::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rect;
+
+/// How near to a sample an edge is crossed, in parts of the edge.
+pub const NEAREST: f64 = 1.0 / 65_536.0;
+
+/// Samples to trace: a rectangle of a grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<'a, H> {
+    /// Where they are in the grid.
+    pub rect: Rect,
+    /// Columns of the grid.
+    pub grid_width: u32,
+    /// Row by row; NaN where there is no height.
+    pub heights: &'a [H],
+}
 
 /// The number of no node.
 pub(super) const NONE: u32 = u32::MAX;

@@ -1,7 +1,7 @@
 //! Bilinear: linear between the samples on both sides, along columns and along rows.
 
-use crate::resample::Resampling;
-use crate::resample::kernel::{self, Kernel};
+use super::kernel::{self, Bilinear};
+use super::resampling::Resampling;
 
 /// The registry entry.
 pub(crate) const RESAMPLING: Resampling = Resampling {
@@ -10,13 +10,3 @@ pub(crate) const RESAMPLING: Resampling = Resampling {
     radius: 1,
     run: kernel::heights::<Bilinear, 2>,
 };
-
-/// Weights that fall to nothing one sample away.
-pub(crate) struct Bilinear;
-
-impl Kernel for Bilinear {
-    #[inline(always)]
-    fn weight(distance: f64) -> f64 {
-        (1.0 - distance).max(0.0)
-    }
-}

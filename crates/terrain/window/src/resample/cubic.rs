@@ -1,7 +1,7 @@
 //! Cubic convolution (Keys 1981, a = -1/2): smooth, through all samples, exact for quadratic surfaces.
 
-use crate::resample::Resampling;
-use crate::resample::kernel::{self, Kernel};
+use super::kernel::{self, Kernel};
+use super::resampling::Resampling;
 
 /// The registry entry.
 pub(crate) const RESAMPLING: Resampling = Resampling {

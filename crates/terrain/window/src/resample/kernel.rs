@@ -1,12 +1,22 @@
 //! Heights by weights that are a product of one along the row and one along the column.
 
-use crate::resample::bilinear::Bilinear;
-use crate::resample::{Place, Scale, Window};
+use super::resampling::Scale;
+use super::window::{Place, Window};
 
 /// Weights by distance.
 pub(crate) trait Kernel {
     /// Of a sample so many columns or rows away.
     fn weight(distance: f64) -> f64;
+}
+
+/// Weights that fall to nothing one sample away.
+pub(crate) struct Bilinear;
+
+impl Kernel for Bilinear {
+    #[inline(always)]
+    fn weight(distance: f64) -> f64 {
+        (1.0 - distance).max(0.0)
+    }
 }
 
 /// The height at each place, by a kernel of so many samples along each axis.

@@ -1,6 +1,7 @@
 //! The nearest sample: heights stay what they are.
 
-use crate::resample::{Place, Resampling, Scale, Window};
+use super::resampling::{Resampling, Scale};
+use super::window::{Place, Window};
 
 /// The registry entry.
 pub(crate) const RESAMPLING: Resampling = Resampling {

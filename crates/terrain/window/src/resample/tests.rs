@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use terrane_base::geom::Rect;
 
 fn window<'a>(grid: [u32; 2], heights: &'a [f64]) -> Window<'a> {
     Window { grid, rect: Rect::new(0, 0, grid[0], grid[1]), heights }

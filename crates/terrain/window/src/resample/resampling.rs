@@ -1,0 +1,90 @@
+//! What a way to find heights between samples is, and how coarse what is asked for is.
+
+use terrane_base::geom::Rect;
+use terrane_base::registry::Named;
+
+use super::window::{Place, Window, nearest};
+
+/// A way to find heights between samples: an entry of [`RESAMPLINGS`](super::RESAMPLINGS).
+#[derive(Debug)]
+pub struct Resampling {
+    /// Name on the command line, unique.
+    pub name: &'static str,
+    /// One line for the documentation.
+    pub about: &'static str,
+    /// Samples on each side of a place that count, where they lie as close as what is asked for; 0 where the nearest
+    /// one alone does, so that no height is made that was none before.
+    pub radius: u32,
+    pub(super) run: fn(&Window<'_>, &[Place], Scale, &mut [f64]),
+}
+
+/// Columns and rows of the grid by one of what is asked for; 1 where the grid is as coarse, or coarser.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale([f64; 2]);
+
+impl Scale {
+    /// As close as they are.
+    pub const ONE: Self = Self([1.0; 2]);
+
+    /// Less than a twentieth more counts as the same.
+    const SAME: f64 = 1.0 / 0.95;
+
+    /// Of so many columns and rows.
+    pub fn new(by: [f64; 2]) -> Self {
+        Self(by.map(|by| if by > Self::SAME { by } else { 1.0 }))
+    }
+
+    /// Columns and rows.
+    pub fn get(self) -> [f64; 2] {
+        self.0
+    }
+}
+
+impl Resampling {
+    /// Samples on each side that count, by columns and rows; at least the nearest.
+    pub fn reach(&self, scale: Scale) -> [f64; 2] {
+        scale.get().map(|scale| (f64::from(self.radius) * scale).ceil().max(1.0))
+    }
+
+    /// The samples that the heights at some places depend on; none where no place lies in the grid.
+    pub fn needed(&self, grid: [u32; 2], places: &[Place], scale: Scale) -> Rect {
+        let inside = || places.iter().filter(|place| nearest(grid, **place).is_some());
+        let (mut least, mut most) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for place in inside() {
+            for axis in [0, 1] {
+                least[axis] = least[axis].min(place[axis]);
+                most[axis] = most[axis].max(place[axis]);
+            }
+        }
+        if least[0] > most[0] {
+            return Rect::new(0, 0, 0, 0);
+        }
+        let reach = self.reach(scale);
+        let [(col, width), (row, height)] = [0, 1].map(|axis| {
+            let side = f64::from(grid[axis]);
+            let first = (least[axis].floor() - reach[axis] + 1.0).clamp(0.0, side - 1.0);
+            let end = (most[axis].floor() + reach[axis] + 1.0).clamp(first + 1.0, side);
+            (first as u32, (end - first) as u32)
+        });
+        Rect::new(col, row, width, height)
+    }
+
+    /// The height at each place, in a window that has what is [`needed`](Self::needed) for all of them; not a number
+    /// beyond the grid, and where the nearest sample is void. Takes time linear in the places and in the samples that
+    /// count for each.
+    pub fn heights(&self, window: &Window<'_>, places: &[Place], scale: Scale, out: &mut [f64]) {
+        (self.run)(window, places, scale, out);
+    }
+}
+
+impl Named for Resampling {
+    const KIND: &'static str = "resampling";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn aliases(&self) -> &'static [&'static str] {
+        if self.radius == 0 { &["nearest"] } else { &[] }
+    }
+}
