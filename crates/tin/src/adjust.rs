@@ -16,11 +16,11 @@
 //! sweeps to a stage, and envelopes followed to the end (12 steps, gains of 1 in 64) change nothing but the
 //! time.
 
-use super::Local;
+use super::facet::{Facet, level_for};
 use super::field::{Field, LEVELS};
-use super::greedy::Judge;
+use super::judge::Judge;
+use super::local::Local;
 use super::mesh::{Mesh, NONE, State, Tri};
-use super::scan::{Facet, level_for};
 use terrane_base::bits::BitSet;
 
 /// What the tolerance is multiplied with in the stages before it is reached.
@@ -303,7 +303,7 @@ impl Scratch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
+    use crate::field::Heights;
     use crate::greedy::{WorkLists, fit};
     use crate::scan::available;
     use proptest::prelude::*;

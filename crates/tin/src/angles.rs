@@ -8,9 +8,67 @@
 //! that what comes between is thin again, the edge is split in the middle; one that is frozen is left to the
 //! patches of the seams, and what these cannot mend, to a larger patch.
 
+use super::local::Local;
 use super::mesh::{Mesh, NONE, State};
-use super::{AngleBound, Local};
 use terrane_base::geom::predicates::{Lattice, orient};
+
+/// The smallest angle, in plan, that a triangle may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AngleBound {
+    degrees: f64,
+    /// Of this angle, and a little more: what differs by rounding alone is not mended.
+    cosine: f64,
+    /// Squares of the lengths of a column and a row, and between them their product.
+    metric: [f64; 3],
+}
+
+impl AngleBound {
+    /// What is small enough to be rounding.
+    const ROUNDING: f64 = 1e-12;
+
+    /// So many degrees where a column goes on by the vector `col`, and a row by `row`.
+    pub fn new(degrees: f64, col: [f64; 2], row: [f64; 2]) -> Self {
+        let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+        let metric = [product(col, col), product(col, row), product(row, row)];
+        Self { degrees, cosine: degrees.to_radians().cos() + Self::ROUNDING, metric }
+    }
+
+    /// The angle.
+    pub fn degrees(&self) -> f64 {
+        self.degrees
+    }
+
+    /// The cosine of the smallest angle of a triangle, where it is too small.
+    pub(crate) fn excess(&self, corners: [Local; 3]) -> Option<f64> {
+        let cosine = self.cosine_of(corners);
+        (cosine > self.cosine).then_some(cosine)
+    }
+
+    /// True when no angle of a triangle is too small.
+    pub fn holds(&self, corners: [Local; 3]) -> bool {
+        self.excess(corners).is_none()
+    }
+
+    /// The smallest angle of a triangle, in degrees.
+    pub fn smallest(&self, corners: [Local; 3]) -> f64 {
+        self.cosine_of(corners).min(1.0).acos().to_degrees()
+    }
+
+    fn cosine_of(&self, corners: [Local; 3]) -> f64 {
+        let [xx, xy, yy] = self.metric;
+        let square = |a: Local, b: Local| {
+            let [dx, dy] =
+                [(a.col(), b.col()), (a.row(), b.row())].map(|(a, b)| f64::from(b) - f64::from(a));
+            xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy
+        };
+        let [a, b, c] = corners;
+        let mut squares = [square(a, b), square(b, c), square(c, a)];
+        squares.sort_unstable_by(f64::total_cmp);
+        // The smallest is opposite the shortest side.
+        let [short, middle, long] = squares;
+        (middle + long - short) / (2.0 * (middle * long).sqrt())
+    }
+}
 
 /// A triangle with an angle that is too small, and its cosine.
 #[derive(Clone, Copy, Debug)]

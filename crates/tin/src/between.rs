@@ -10,8 +10,8 @@
 //! the edge ends on that rim, and both triangles beside it are within reach of a patch.
 
 use super::crossing::{Crossing, Crossings};
-use super::mesh::{Mesh, NONE, State};
-use super::{Local, mesh::Tri};
+use super::local::Local;
+use super::mesh::{Mesh, NONE, State, Tri};
 
 /// An edge that is too far off between samples.
 #[derive(Clone, Copy, Debug)]
@@ -120,8 +120,8 @@ fn is_fresh(tri: &Tri) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
     use crate::field::Field;
+    use crate::field::Heights;
 
     /// The sample (1, 1) is beside the diagonal of a rectangle of four by three cells.
     #[test]

@@ -11,9 +11,9 @@
 //! triangulation that has both samples: the circle around it holds no other. The paths are the same whichever
 //! way a segment runs, so that borders may be shared.
 
-use super::Local;
 use super::angles::{Reached, walk};
 use super::field::Field;
+use super::local::Local;
 use super::mesh::{Mesh, State};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::Segment;

@@ -11,9 +11,9 @@
 //! any edge cross one of the unit lattice, which is in every Delaunay triangulation of the samples at its
 //! ends: to insert both ends of a line mends it, whatever else is inserted.
 
-use super::Local;
 use super::exact::is_at_most;
 use super::field::Field;
+use super::local::Local;
 
 /// Where an edge is further than the tolerance from the line between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -206,7 +206,7 @@ impl Iterator for Walk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
+    use crate::field::Heights;
     use proptest::prelude::*;
 
     /// Every line between two neighbouring samples, intersected with the edge in whole numbers: the largest

@@ -10,12 +10,12 @@
 //!
 //! Where the mesh need not be Delaunay, a star may be refilled with any triangles: see `refill`.
 
-use super::exact::within;
+use super::angles::AngleBound;
 use super::field::Field;
-use super::greedy::Judge;
+use super::judge::Judge;
+use super::local::Local;
 use super::mesh::{Mesh, NONE, State, Tri, next};
 use super::refill::{self, Refill};
-use super::{AngleBound, Local};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
@@ -159,7 +159,7 @@ impl Scratch {
     fn refill_by_ears(&mut self, judge: &Judge<'_>, vertex: Local) -> bool {
         self.refill()
             && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
-            && self.fill.iter().find_map(|tri| stays_within(judge, tri.corners, vertex))
+            && self.fill.iter().find_map(|tri| judge.stays_within(tri.corners, vertex))
                 == Some(true)
             && self.diagonals_keep(judge)
             && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none())
@@ -243,20 +243,10 @@ impl Scratch {
     }
 }
 
-/// Whether a vertex that goes stays within the tolerance of a triangle that holds it; `None` where it does not. It
-/// is the sample most likely to be too far off: to look at it first spares looking at the others.
-pub(super) fn stays_within(judge: &Judge<'_>, corners: [Local; 3], vertex: Local) -> Option<bool> {
-    let ([a, b, c], v) = (corners.map(Local::lattice), vertex.lattice());
-    let weights = [orient(b, c, v), orient(c, a, v), orient(a, b, v)];
-    let holds = weights.iter().all(|&weight| weight >= 0);
-    let heights = judge.field.vertices(corners);
-    holds.then(|| within(weights, heights, judge.field.sample(vertex), judge.tolerance))
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::Heights;
+    use crate::field::Heights;
     use crate::greedy::{WorkLists, fit};
     use crate::scan::available;
     use proptest::prelude::*;

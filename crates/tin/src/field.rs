@@ -1,6 +1,6 @@
 //! The heights a tile or patch works on: one contiguous `f32` array with decimated copies.
 
-use super::{Heights, Local};
+use super::local::Local;
 use std::cell::Cell;
 use terrane_base::cancel::Cancel;
 use terrane_base::geom::Rounding;
@@ -27,6 +27,19 @@ pub(super) struct Level<'a> {
 pub(super) enum Samples<'a> {
     Single(&'a [f32]),
     Exact(&'a [f64]),
+}
+
+/// Heights of a rectangle of samples, row by row, NaN where void.
+#[derive(Clone, Copy, Debug)]
+pub struct Heights<'a> {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` heights.
+    pub f32: &'a [f32],
+    /// The same in f64, where f32 is not exact.
+    pub f64: Option<&'a [f64]>,
 }
 
 /// A private copy of a rectangle of heights, with its decimated copies behind it.

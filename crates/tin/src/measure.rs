@@ -2,9 +2,9 @@
 //!
 //! Errors are measured only for a report: the extra pass takes a third of the time of the kernel.
 
-use super::Local;
+use super::facet::Facet;
 use super::field::{Field, Samples};
-use super::scan::{self, Facet};
+use super::local::Local;
 use terrane_base::geom::predicates::orient;
 
 /// Samples summed side by side; part of the arithmetic, so that sums never depend on the machine.
@@ -13,30 +13,16 @@ const LANES: usize = 8;
 /// Columns.
 const WIDTH: i32 = 32;
 
-/// Measures triangle `p`, all samples of which are within `tolerance`, in `f64`. A sample on edge `i`
-/// counts in the sum only when `owned[i]`; vertices have no error. Returns (largest error, sum of
-/// squares); no sample is further off than the first, for which all rounding goes up, though not
-/// beyond the tolerance. Time linear in the samples.
-pub(super) fn measure(
-    field: &Field,
-    p: [Local; 3],
-    owned: [bool; 3],
-    tolerance: f64,
-) -> (f32, f32) {
-    let triangle = Triangle { field, p, owned, tolerance };
-    scan::measured(&triangle).unwrap_or_else(|| triangle.measured())
-}
-
 /// A triangle to measure.
 pub(super) struct Triangle<'a> {
-    field: &'a Field,
-    p: [Local; 3],
-    owned: [bool; 3],
-    tolerance: f64,
+    pub(super) field: &'a Field,
+    pub(super) p: [Local; 3],
+    pub(super) owned: [bool; 3],
+    pub(super) tolerance: f64,
 }
 
 impl Triangle<'_> {
-    /// See [`measure`]; the same bits with whatever registers it is compiled for.
+    /// Largest error and sum of squared errors; the same bits with whatever registers it is compiled for.
     #[inline(always)]
     pub(super) fn measured(&self) -> (f32, f32) {
         match self.field.samples() {
@@ -224,7 +210,8 @@ pub(super) fn owns_by_direction(from: Local, to: Local) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
+    use crate::field::Heights;
+    use crate::scan::measure;
     use proptest::prelude::*;
 
     /// Triangles are narrower and wider than [`WIDTH`].

@@ -13,8 +13,8 @@
 //!          a                         a
 //! ```
 
-use super::Local;
-use terrane_base::geom::predicates::{Lattice, in_circle, orient};
+use super::local::Local;
+use terrane_base::geom::predicates::{in_circle, orient};
 
 /// "No half-edge": the border of the mesh.
 pub(super) const NONE: u32 = u32::MAX;
@@ -79,14 +79,6 @@ pub(super) fn next(i: u32) -> u32 {
 #[inline(always)]
 pub(super) fn prev(i: u32) -> u32 {
     if i == 0 { 2 } else { i - 1 }
-}
-
-impl Local {
-    /// As coordinates for the predicates.
-    #[inline(always)]
-    pub(super) fn lattice(self) -> Lattice {
-        [self.col() as i32, self.row() as i32]
-    }
 }
 
 /// Where a position lies in a triangle that holds it.

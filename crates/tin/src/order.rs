@@ -1,6 +1,7 @@
 //! Sorting by position: rows first, by counting, then within each row.
 
-use super::{Local, Triangle};
+use super::local::Local;
+use super::spec::Triangle;
 
 /// Sorts triangles by their corners. Expected time is linear but for the length of the rows.
 pub fn sort_by_position(triangles: &mut Vec<Triangle>) {

@@ -10,13 +10,15 @@
 
 use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::Judge;
-use super::measure::{measure, owns_by_direction};
+use super::judge::Judge;
+use super::local::Local;
+use super::measure::owns_by_direction;
 use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
+use super::scan::measure;
+use super::spec::{PatchInput, PatchMesh, Spec, Triangle};
 use super::tile::{Scratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
-use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop};
-use super::{adjust, angles, breaklines};
+use super::{adjust, angles, breaklines, drop};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
 use terrane_base::geom::predicates::in_circle;
@@ -334,7 +336,7 @@ fn finish(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
+    use crate::field::Heights;
 
     /// Six by five samples, of which (3, 2) is void.
     fn field() -> Field {

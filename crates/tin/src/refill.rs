@@ -17,11 +17,10 @@
 //! out and the worst sample between them in, 0.1 to 0.7 %; the same with the best of 100 places for it, 0.6 to
 //! 1.6 % in thirty times the time. To look at one sample in a few of a triangle before all of them: 3 to 13 % slower.
 
-use super::Local;
-use super::drop::stays_within;
-use super::greedy::Judge;
-use super::mesh::{NONE, Tri};
-use super::{AngleBound, mesh::next};
+use super::angles::AngleBound;
+use super::judge::Judge;
+use super::local::Local;
+use super::mesh::{NONE, Tri, next};
 use terrane_base::geom::predicates::orient;
 
 /// Stars with more triangles than this are left as they are.
@@ -70,7 +69,7 @@ impl Refill {
         (1..count).for_each(|to| self.fillings[(to - 1) * count + to] = EDGE);
         let keeps = |corners: [Local; 3]| {
             angle.is_none_or(|bound| bound.holds(corners))
-                && stays_within(judge, corners, vertex).unwrap_or(true)
+                && judge.stays_within(corners, vertex).unwrap_or(true)
                 && judge.candidate(corners, 0).is_none()
         };
         for span in 2..count {
@@ -145,7 +144,7 @@ fn may_go(judge: &Judge<'_>, vertex: Local, ring: &[(Local, u32)]) -> bool {
     let thirds = |a: usize, b: usize| (b + 1..count).map(move |c| [a, b, c]);
     let all = (0..count).flat_map(|a| (a + 1..count).flat_map(move |b| thirds(a, b)));
     let mut triangles = all.map(|corners| corners.map(|at| ring[at].0));
-    triangles.any(|corners| stays_within(judge, corners, vertex) == Some(true))
+    triangles.any(|corners| judge.stays_within(corners, vertex) == Some(true))
 }
 
 /// How far from thin a triangle is: twice its area by the square of its longest side, at most 0.87, and 0 or less
@@ -164,10 +163,10 @@ fn shape(corners: [Local; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
     use crate::drop::Scratch;
     use crate::drop::tests::is_within;
     use crate::field::Field;
+    use crate::field::Heights;
     use crate::greedy::{WorkLists, fit};
     use crate::mesh::{Mesh, State};
     use crate::scan::available;

@@ -15,7 +15,8 @@
 //! on each side where the grid goes on (the *apron*).
 
 use super::exact::within;
-use super::{Local, TileInput};
+use super::local::Local;
+use super::spec::TileInput;
 use terrane_line::rdp::refine;
 
 /// Which cells of a tile, and of the apron around it, belong to the surface. Positions are tile

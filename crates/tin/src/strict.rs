@@ -3,10 +3,10 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use super::exact;
-use super::greedy::Judge;
+use super::exact::{self, ExactWorst};
+use super::judge::Judge;
+use super::local::Local;
 use super::mesh::{Mesh, State};
-use super::{Local, exact::ExactWorst};
 
 /// The worst sample of a triangle as it was when its `stamp` was current.
 #[derive(Clone, Copy, Debug)]
@@ -78,9 +78,9 @@ fn candidate(judge: &Judge<'_>, mesh: &mut Mesh, id: u32, stamp: u32) -> Option<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
     use crate::exact::{distance, for_each_sample, within};
     use crate::field::Field;
+    use crate::field::Heights;
     use crate::mesh::Fixed;
     use crate::scan;
     use proptest::prelude::*;

@@ -15,16 +15,18 @@
 //! --test jobs every_edge`).
 
 use super::between::{self, Rounds};
-use super::breaklines;
+use super::breaklines::{self, Stretch};
 use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::{Judge, WorkLists, fit};
-use super::measure::{measure, owns_by_direction};
+use super::greedy::{WorkLists, fit};
+use super::judge::Judge;
+use super::local::Local;
+use super::measure::owns_by_direction;
 use super::mesh::{Fixed, Mesh, NONE, State, next};
 use super::rim::{Rim, Role, Surface, posts};
-use super::scan::{self, Scan};
-use super::{Local, Spec, Stretch, TileInput, TileMesh, Triangle, drop};
-use super::{adjust, angles};
+use super::scan::{self, Scan, measure};
+use super::spec::{Spec, TileInput, TileMesh, Triangle};
+use super::{adjust, angles, drop};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
 use terrane_base::cancel::Cancel;
@@ -404,7 +406,7 @@ fn count_samples(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Heights;
+    use crate::field::Heights;
 
     const SIDE: u32 = 129;
 

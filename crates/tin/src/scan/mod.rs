@@ -1,4 +1,4 @@
-//! The hot loop: the sample of a triangle that is furthest from its plane.
+//! The hot loop: the sample of a triangle that is furthest from its plane; and what finished triangles measure.
 //!
 //! Every kernel does the same arithmetic in the same order (see [`scalar`]), so all of them give
 //! the same bits; which one runs is chosen once, at run time.
@@ -13,30 +13,11 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use super::Local;
-use super::field::Level;
+use super::field::Field;
+use super::local::Local;
 use super::measure::Triangle;
-use terrane_base::geom::predicates::{Lattice, orient};
 
-/// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
-/// run of lanes.
-pub(super) const LANES: usize = 16;
-
-/// Slack of the row ends: more than their rounding error, less than the distance of any lattice
-/// point from an edge it is not on (2^-18 for coordinates below 2^13 at stride 32).
-const SLACK: f64 = 1.0 / (1 << 20) as f64;
-
-/// The worst sample of a scan.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Worst {
-    /// |sample - plane| in `f32`; 0 when no sample is off the plane.
-    pub(super) error: f32,
-    /// Where; the lowest (row, column) among equals. Meaningless when the error is 0.
-    pub(super) at: Local,
-}
-
-/// A scan kernel. The triangle is inside the field whose level is scanned.
-pub(super) type Scan = fn(&Level<'_>, &Facet) -> Worst;
+pub(super) use scalar::{LANES, Scan};
 
 /// The fastest kernel this processor runs.
 pub(super) fn fastest() -> Scan {
@@ -53,162 +34,39 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
     std::iter::once(scalar).chain(more).collect()
 }
 
+/// Measures triangle `p`, all samples of which are within `tolerance`, in `f64`. A sample on edge `i`
+/// counts in the sum only when `owned[i]`; vertices have no error. Returns (largest error, sum of
+/// squares); no sample is further off than the first, for which all rounding goes up, though not
+/// beyond the tolerance. Time linear in the samples.
+pub(super) fn measure(
+    field: &Field,
+    p: [Local; 3],
+    owned: [bool; 3],
+    tolerance: f64,
+) -> (f32, f32) {
+    let triangle = Triangle { field, p, owned, tolerance };
+    measured(&triangle).unwrap_or_else(|| triangle.measured())
+}
+
 /// What a triangle measures, by the widest registers of this processor; none where they are those of all.
 #[cfg(target_arch = "x86_64")]
-pub(super) fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
+fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
     x86::measured(triangle)
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(super) fn measured(_: &Triangle<'_>) -> Option<(f32, f32)> {
+fn measured(_: &Triangle<'_>) -> Option<(f32, f32)> {
     None
-}
-
-/// A triangle with heights: its plane and its box, in lattice units.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Facet {
-    /// Plane: height = `base` + `gx` * column + `gy` * row.
-    pub(super) base: f64,
-    pub(super) gx: f64,
-    pub(super) gy: f64,
-    /// Corners as [column, row].
-    pub(super) corners: [Lattice; 3],
-    /// First and last column.
-    pub(super) cols: [i32; 2],
-    /// First and last row.
-    pub(super) rows: [i32; 2],
-}
-
-/// The edges of a triangle as bounds of its rows.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Edges {
-    /// Edges as columns: `offset` + `slope` * row.
-    slopes: [f64; 3],
-    offsets: [f64; 3],
-    /// Which side of a row an edge bounds.
-    sides: [Side; 3],
-}
-
-/// On which side of its interior an edge lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
-    Left,
-    Right,
-    Level,
-}
-
-impl Facet {
-    /// The facet with corners `p` (counter-clockwise in (column, row) axes) at heights `z`.
-    #[inline(always)]
-    pub(super) fn new(p: [Local; 3], z: [f64; 3]) -> Self {
-        let q = p.map(Local::lattice);
-        let [ax, ay] = q[0].map(f64::from);
-        let [bx, by] = [q[1][0] - q[0][0], q[1][1] - q[0][1]].map(f64::from);
-        let [cx, cy] = [q[2][0] - q[0][0], q[2][1] - q[0][1]].map(f64::from);
-        let (zb, zc) = (z[1] - z[0], z[2] - z[0]);
-        let scale = 1.0 / (bx * cy - by * cx);
-        let gx = (zb * cy - zc * by) * scale;
-        let gy = (bx * zc - cx * zb) * scale;
-        let span =
-            |i: usize| [q[0][i].min(q[1][i]).min(q[2][i]), q[0][i].max(q[1][i]).max(q[2][i])];
-        let base = z[0] - gx * ax - gy * ay;
-        Self { base, gx, gy, corners: q, cols: span(0), rows: span(1) }
-    }
-
-    /// First and last decimated row to scan.
-    #[inline(always)]
-    pub(super) fn row_range(&self, level: &Level<'_>) -> [i32; 2] {
-        decimated(self.rows, level.shift, [level.bounds[2], level.bounds[3]])
-    }
-
-    /// First and last decimated column to scan in any row. Runs of lanes begin at the first.
-    #[inline(always)]
-    pub(super) fn column_range(&self, level: &Level<'_>) -> [i32; 2] {
-        decimated(self.cols, level.shift, [level.bounds[0], level.bounds[1]])
-    }
-
-    #[inline(always)]
-    pub(super) fn edges(&self) -> Edges {
-        let (mut slopes, mut offsets, mut sides) = ([0.0; 3], [0.0; 3], [Side::Level; 3]);
-        for i in 0..3 {
-            let (from, to) = (self.corners[i], self.corners[(i + 1) % 3]);
-            let [dx, dy] = [to[0] - from[0], to[1] - from[1]].map(f64::from);
-            let slope = if dy == 0.0 { 0.0 } else { dx / dy };
-            slopes[i] = slope;
-            offsets[i] = f64::from(from[0]) - f64::from(from[1]) * slope;
-            sides[i] = match dy {
-                _ if dy > 0.0 => Side::Right,
-                _ if dy < 0.0 => Side::Left,
-                _ => Side::Level,
-            };
-        }
-        Edges { slopes, offsets, sides }
-    }
-}
-
-/// The decimated positions in a range of lattice positions and inside the bounds.
-#[inline(always)]
-fn decimated([first, last]: [i32; 2], shift: u32, bounds: [i32; 2]) -> [i32; 2] {
-    let stride_less_one = (1 << shift) - 1;
-    [((first + stride_less_one) >> shift).max(bounds[0]), (last >> shift).min(bounds[1])]
-}
-
-impl Edges {
-    /// True when one of the edges that are asked for, and do not run along a row, goes through a sample.
-    #[inline(always)]
-    pub(super) fn any_through(&self, asked: &[bool; 3], col: i32, row: i32) -> bool {
-        let through = |i: usize| {
-            let off = self.offsets[i] + self.slopes[i] * f64::from(row) - f64::from(col);
-            asked[i] & (self.sides[i] != Side::Level) & (off.abs() <= SLACK)
-        };
-        through(0) | through(1) | through(2)
-    }
-
-    /// First and last decimated column of a decimated row; first > last when there is none.
-    #[inline(always)]
-    pub(super) fn columns(&self, level: &Level<'_>, row: i32) -> [i32; 2] {
-        let shrink = 1.0 / f64::from(1_u32 << level.shift);
-        let mut low = f64::from(level.bounds[0]);
-        let mut high = f64::from(level.bounds[1]);
-        for edge in 0..3 {
-            let at = self.offsets[edge] * shrink + self.slopes[edge] * f64::from(row);
-            match self.sides[edge] {
-                Side::Left => low = low.max(at - SLACK),
-                Side::Right => high = high.min(at + SLACK),
-                Side::Level => {}
-            }
-        }
-        [low.ceil() as i32, high.floor() as i32]
-    }
-}
-
-/// The beginning of the run of lanes that holds column `low`, where the first begins at `left`.
-#[inline(always)]
-fn run_of(low: i32, left: i32) -> i32 {
-    left + (low - left) / LANES as i32 * LANES as i32
-}
-
-/// Twice the area of a triangle in cells.
-#[inline(always)]
-pub(super) fn double_area(corners: [Local; 3]) -> i64 {
-    let [a, b, c] = corners.map(Local::lattice);
-    orient(a, b, c)
-}
-
-/// The level at which a triangle of this area holds about `samples` samples.
-#[inline(always)]
-pub(super) fn level_for(corners: [Local; 3], samples: i64, levels: usize) -> u8 {
-    let ratio = (double_area(corners) / (2 * samples)).max(1) as u64;
-    let level = (u64::BITS - 1 - ratio.leading_zeros()).div_ceil(2);
-    level.min(levels as u32 - 1) as u8
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::{Field, LEVELS};
-    use crate::{Heights, Local};
+    use crate::facet::Facet;
+    use crate::field::{Heights, LEVELS, Level};
     use proptest::prelude::*;
+    use scalar::Worst;
+    use terrane_base::geom::predicates::orient;
 
     const SIDE: u32 = 70;
 
@@ -339,12 +197,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn levels_grow_with_the_area() {
-        let triangle = |side| [(0, 0), (side, 0), (0, side)].map(|(c, r)| Local::new(c, r));
-        let levels = [2, 8, 9, 16, 40, 512].map(|side| level_for(triangle(side), 32, LEVELS));
-        assert_eq!(levels, [0, 0, 0, 1, 2, 5]);
     }
 }

@@ -1,7 +1,24 @@
 //! The scan every other kernel must equal bit for bit: plain Rust, runs everywhere.
 
-use super::{Facet, LANES, Level, Worst, run_of};
-use crate::Local;
+use crate::facet::Facet;
+use crate::field::Level;
+use crate::local::Local;
+
+/// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
+/// run of lanes.
+pub(crate) const LANES: usize = 16;
+
+/// The worst sample of a scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Worst {
+    /// |sample - plane| in `f32`; 0 when no sample is off the plane.
+    pub(crate) error: f32,
+    /// Where; the lowest (row, column) among equals. Meaningless when the error is 0.
+    pub(crate) at: Local,
+}
+
+/// A scan kernel. The triangle is inside the field whose level is scanned.
+pub(crate) type Scan = fn(&Level<'_>, &Facet) -> Worst;
 
 /// Scans the samples of `level` in the closed triangle `facet`.
 ///
@@ -32,4 +49,10 @@ pub(super) fn scan(level: &Level<'_>, facet: &Facet) -> Worst {
         }
     }
     worst
+}
+
+/// The beginning of the run of lanes that holds column `low`, where the first begins at `left`.
+#[inline(always)]
+pub(super) fn run_of(low: i32, left: i32) -> i32 {
+    left + (low - left) / LANES as i32 * LANES as i32
 }

@@ -3,8 +3,10 @@
 
 use std::arch::x86_64::*;
 
-use super::{Edges, Facet, LANES, Level, SLACK, Scan, Side, Worst, run_of};
-use crate::Local;
+use super::scalar::{LANES, Scan, Worst, run_of};
+use crate::facet::{Edges, Facet, SLACK, Side};
+use crate::field::Level;
+use crate::local::Local;
 use crate::measure::Triangle;
 
 /// Rows whose ends are computed together.

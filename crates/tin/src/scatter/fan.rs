@@ -1,7 +1,7 @@
 //! In which of some triangles a point lies.
 
-use super::greedy::{Search, from};
 use super::mesh::Mesh;
+use super::search::{Search, from};
 use terrane_base::geom::Point;
 use terrane_delaunay::orient;
 

@@ -4,7 +4,9 @@ mod fan;
 mod follow;
 mod greedy;
 mod mesh;
+mod search;
 
 pub use follow::{Course, Courses, Gaps};
-pub use greedy::{Fit, exceeds};
+pub use greedy::Fit;
 pub use mesh::{GHOST, Mesh, Place, Triangle};
+pub use search::exceeds;
