@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
+use crate::convert::copy::{Front, run_of};
+use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::operation::{Operation, Request, Writes};
@@ -110,7 +111,7 @@ fn run(
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
     let palette = read(&options.colors)?;
-    let report = convert::run_of(copy, WORKER_BYTES, progress, cancel, |inner| {
+    let report = run_of(copy, WORKER_BYTES, progress, cancel, |inner| {
         let own = inner.info();
         let range = match palette.needs_range() {
             true => range(inner.as_ref(), progress, cancel)?,

@@ -9,7 +9,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::colours::range;
-use crate::convert::{self, ConvertJob, ConvertOptions, ConvertReport, Front};
+use crate::convert::copy::{Front, run_of};
+use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Resources;
@@ -83,7 +84,7 @@ struct Asked<'a> {
 /// twice then.
 ///
 /// # Errors
-/// Those of [`convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
+/// Those of [`crate::convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
 fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
     let Request { inputs, output, progress, cancel, .. } = request;
     let Asked { derivative, scale, common } = asked;
@@ -91,7 +92,7 @@ fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
     let picture = picture(&copy)?;
     let copy = picture.as_ref().unwrap_or(&copy);
     let is_toned = picture.is_some() && !derivative.is_byte();
-    let report = convert::run_of(copy, 0, progress, cancel, |inner| {
+    let report = run_of(copy, 0, progress, cancel, |inner| {
         let info = inner.info();
         let ground = match scale {
             Some(scale) => Ground::scaled(info, *scale),

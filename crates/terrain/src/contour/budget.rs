@@ -1,6 +1,6 @@
 //! How the memory of a contour job is divided.
 
-use super::ContourJob;
+use super::job::ContourJob;
 use terrane_base::error::Result;
 use terrane_engine::memory;
 use terrane_window::contour::{self as contour, Vertex};

@@ -6,7 +6,8 @@ use std::path::Path;
 use bytemuck::Zeroable;
 
 use super::budget::{Budget, VERTEX_BYTES};
-use super::tiles::{Tiles, Traced, lowest};
+use super::tiles::{Tiles, lowest};
+use super::trace::Traced;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;

@@ -1,15 +1,41 @@
 //! Simplifying the lines of a tile, so that they cross neither each other nor those of other tiles.
 
-use super::Tolerance;
 use super::tiles::{Rim, Tiles, lowest};
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::Cancel;
 use terrane_line::cone::cone;
 use terrane_line::topology::{Chains, Kept, Options, open_at, refining, untangle};
 use terrane_line::{Geographic, Located, Metric, Plane, Scratch, Xy, ring};
-use terrane_simplify::Measure;
+use terrane_raster::GridInfo;
+use terrane_simplify::{Length, Measure, Threshold, goal_of};
 use terrane_window::contour::{Line, Lines, Vertex};
+
+/// A tolerance as it is measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tolerance {
+    measure: Measure,
+    value: f64,
+}
+
+impl Tolerance {
+    pub(super) fn threshold(self) -> Threshold {
+        Threshold { value: self.value, metres: self.measure == Measure::Geographic }
+    }
+}
+
+/// A length over a grid.
+pub(super) fn measured(length: Length, info: &GridInfo) -> Result<Tolerance> {
+    let (measure, value) = goal_of(length, false, &info.crs)?;
+    let [east, south] = [info.width, info.height].map(|samples| f64::from(samples) - 1.0);
+    let corners = [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]];
+    let latitude = |[col, row]: [f64; 2]| info.transform.apply(col, row)[1];
+    if measure == Measure::Geographic && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6) {
+        return Err(Error::bad_input("a latitude is beyond 90 degrees")
+            .remedy("pass ‹tolerance› as a plain number, in units of x and y"));
+    }
+    Ok(Tolerance { measure, value })
+}
 
 /// Simplifies tiles, one after the other.
 pub(super) struct Simplifier {

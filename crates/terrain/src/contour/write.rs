@@ -1,7 +1,7 @@
 //! Lines put together from their pieces, and written.
 
+use super::job::{ContourJob, ContourReport, INDEX};
 use super::join::{Line, Pieces};
-use super::{ContourJob, ContourReport};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::{Cancel, Progress};
@@ -14,9 +14,6 @@ use terrane_window::contour::{Levels, Vertex};
 
 /// The property that numbers lines in formats without ids.
 const ID: &str = "id";
-
-/// The property that tells index contours from others.
-pub(super) const INDEX: &str = "index";
 
 /// Lines written between two looks at whether to stop.
 const BATCH: usize = 256;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use terrane_options::{Options, Range, Rule};
 
 use super::{Asked, DerivativeOptions, run};
-use crate::convert::ConvertReport;
+use crate::convert::job::ConvertReport;
 use terrane_base::error::Result;
 use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, Request, Writes};

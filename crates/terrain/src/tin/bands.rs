@@ -4,7 +4,8 @@
 use std::path::Path;
 use std::time::Instant;
 
-use super::job::{Goal, TinJob};
+use super::goal::Goal;
+use super::job::TinJob;
 use super::make::{Carried, Maker, Opened, in_input, options};
 use super::report::TinReport;
 use super::run::Outcome;

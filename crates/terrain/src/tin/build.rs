@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use super::job::Goal;
+use super::goal::Goal;
 use super::layout::{Layout, checked_tile};
 use super::make::{Origin, header, in_input, open_tiled};
 use super::refinement::Refinement;
 use super::report::{FlawReport, unmet};
-use super::run::{Outcome, Settings};
+use super::run::Outcome;
 use super::seek::{Seeker, run_stage};
+use super::settings::Settings;
 use terrane_base::error::Result;
 use terrane_engine::kept::Features;
 use terrane_engine::memory::{self, Shares};

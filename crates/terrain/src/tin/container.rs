@@ -7,8 +7,9 @@
 
 use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
 
+use super::bounds::{Bounds, Frame, Shift, all_bounds, inner_bounds};
 use super::layout::{Layout, TileId};
-use super::zone::{Bounds, Zone};
+use super::zone::Zone;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::{Extent, Spool};
@@ -22,59 +23,6 @@ pub(super) struct Piece<'a> {
     pub(super) vertices: &'a [Local],
     pub(super) heights: &'a [f64],
 }
-
-/// Moves positions by a fixed number of columns and rows.
-#[derive(Clone, Copy)]
-pub(super) struct Shift {
-    pub(super) cols: i32,
-    pub(super) rows: i32,
-}
-
-impl Shift {
-    /// From positions relative to grid position `from` to positions relative to `to`
-    /// (column, row).
-    pub(super) fn new(from: (u32, u32), to: (u32, u32)) -> Self {
-        let difference = |a: u32, b: u32| (i64::from(a) - i64::from(b)) as i32;
-        Self { cols: difference(from.0, to.0), rows: difference(from.1, to.1) }
-    }
-
-    /// The moved position; it must be one (no coordinate below zero).
-    #[inline]
-    pub(super) fn apply(self, at: Local) -> Local {
-        Local::new(at.col().wrapping_add_signed(self.cols), at.row().wrapping_add_signed(self.rows))
-    }
-
-    /// The moved triangle.
-    pub(super) fn triangle(self, triangle: &Triangle) -> Triangle {
-        Triangle { corners: triangle.corners.map(|at| self.apply(at)), ..*triangle }
-    }
-}
-
-/// A box of positions in some frame that may begin before its zero.
-#[derive(Clone, Copy)]
-pub(super) struct Frame {
-    first: [i32; 2],
-    size: [u32; 2],
-}
-
-impl Frame {
-    /// The samples of `rect` as positions relative to grid position `origin` (column, row).
-    pub(super) fn new(rect: Rect, origin: (u32, u32)) -> Self {
-        let Shift { cols, rows } = Shift::new((rect.col, rect.row), origin);
-        Self { first: [cols, rows], size: [rect.width, rect.height] }
-    }
-
-    /// True when `at` is one of the samples.
-    #[inline]
-    pub(super) fn contains(&self, at: Local) -> bool {
-        let col = at.col().wrapping_add_signed(self.first[0].wrapping_neg());
-        let row = at.row().wrapping_add_signed(self.first[1].wrapping_neg());
-        (col < self.size[0]) & (row < self.size[1])
-    }
-}
-
-/// Triangles at least this many cells away from the sides of their tile are its inner ones.
-const MARGIN: u32 = 40;
 
 /// What is kept with a tile, in memory.
 #[derive(Debug, Default)]
@@ -324,21 +272,6 @@ impl Spilled {
         spool.take(self.extent, &mut parts)?;
         Ok(Container { triangles, inner, vertices, heights, sorted: self.sorted })
     }
-}
-
-/// The samples of a tile that are [`MARGIN`] cells away from its sides.
-pub(super) fn inner_bounds(layout: &Layout, tile: TileId) -> Bounds {
-    bounds_within(layout.rect(tile), MARGIN as i32)
-}
-
-/// The samples of a tile.
-fn all_bounds(layout: &Layout, tile: TileId) -> Bounds {
-    bounds_within(layout.rect(tile), 0)
-}
-
-fn bounds_within(rect: Rect, margin: i32) -> Bounds {
-    let span = |count: u32| [margin, count as i32 - 1 - margin];
-    Bounds { cols: span(rect.width), rows: span(rect.height) }
 }
 
 /// The first corner of a triangle's bounding box.

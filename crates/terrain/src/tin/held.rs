@@ -4,7 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use terrane_options::{Options, check, to_map};
 
-use super::{BuildJob, Built, TinOptions, build, build_files};
+use super::build::{BuildJob, Built, build, build_files};
+use super::options::TinOptions;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_engine::operation::Job;

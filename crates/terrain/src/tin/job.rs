@@ -4,43 +4,14 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::goal::Goal;
 use super::layout::USUAL_TILE;
 use super::refinement::Refinement;
-use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::options::GridInput;
 use terrane_engine::placing::Placing;
 use terrane_engine::transform::Transform;
 use terrane_raster::Inputs;
-
-/// What the mesh has to reach.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Goal {
-    /// No valid sample further than this from the surface, vertically.
-    MaxError(f64),
-    /// The smallest tolerance whose mesh has at most this many vertices.
-    MaxVertices(u64),
-    /// The smallest tolerance whose mesh has at most this many triangles.
-    MaxTriangles(u64),
-}
-
-impl Goal {
-    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
-    pub(super) fn check(self) -> Result<()> {
-        match self {
-            Self::MaxError(e) if !(e.is_finite() && e >= 0.0) => {
-                Err(Error::usage(format!("{e} is no maximum error"))
-                    .remedy("give a number of 0 or more, in the unit of the heights"))
-            }
-            Self::MaxVertices(0) | Self::MaxTriangles(0) => {
-                Err(Error::usage("a mesh of 0 vertices or triangles is no mesh")
-                    .remedy("allow at least 3 vertices"))
-            }
-            _ => Ok(()),
-        }
-    }
-}
 
 /// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -6,13 +6,15 @@ use std::time::Instant;
 
 use super::estimate::Size;
 use super::frame::{Frame, bounds};
+use super::goal::Goal;
 use super::height_origin::height_origin;
-use super::job::{Goal, TinJob};
+use super::job::TinJob;
 use super::layout::{Layout, checked_tile};
 use super::refinement::Refinement;
 use super::report::{FlawReport, TinReport};
-use super::run::{Outcome, Settings};
+use super::run::Outcome;
 use super::seek::{Seeker, run_stage};
+use super::settings::Settings;
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point3, Rounding};

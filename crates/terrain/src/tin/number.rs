@@ -4,7 +4,8 @@
 //! and by position (row, column) within a tile, so an id is the tile's first id plus the vertex's
 //! rank: the number of marked samples before it.
 
-use super::container::{Container, Shift};
+use super::bounds::Shift;
+use super::container::Container;
 use super::layout::{Layout, TileId};
 use super::writer::Faces;
 use terrane_base::bits::BitSet;

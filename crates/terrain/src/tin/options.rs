@@ -4,17 +4,17 @@ use std::path::Path;
 
 use terrane_options::{Codec, Options, Range, Rule, check, settled};
 
+use super::goal::Goal;
+use super::job::TinJob;
+use super::layout::{TILE_CELLS, USUAL_TILE};
 use super::names::{GREEDY, MeshMethodName};
-use super::{
-    Goal, Refinement, TILE_CELLS, Textbook, TinJob, TinReport, USUAL_TILE, run, run_bands, run_by,
-    run_in,
-};
+use super::refinement::Refinement;
+use super::textbook::Textbook;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry;
 use terrane_baselines::{METHODS, Method, Triangulation};
 use terrane_engine::Resources;
 use terrane_engine::bands::Bands;
-use terrane_engine::operation::{Operation, Request, Writes};
 use terrane_engine::options::{
     Constraints, FileOutput, Finite, GridInput, KeyValue, PrintLength, Reprojection, Resuming,
 };
@@ -245,34 +245,4 @@ impl TinOptions {
 /// The error of an option that a method does not have.
 fn not_of(method: &str, option: &str) -> Error {
     Error::usage(format!("the method {method} has no ‹{option}›"))
-}
-
-impl Operation for TinOptions {
-    const NAME: &'static str = "tin";
-    type Input = GridInput;
-    const WRITES: Writes = Writes::Mesh;
-    type Report = TinReport;
-
-    fn is_folder(&self) -> bool {
-        self.split.is_some()
-    }
-
-    fn check(&self, output: &Path) -> Result<()> {
-        self.textbook()?;
-        self.shared()?;
-        self.job(&Inputs::from(Vec::new()), output).map(drop)
-    }
-
-    fn run(&self, request: Request<'_>) -> Result<TinReport> {
-        let Request { inputs, output, skipped, is_measured, progress, cancel } = request;
-        let job = TinJob { measure: is_measured, ..self.job(inputs, output)? };
-        if let Some(folder) = &self.resuming.workdir {
-            return run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel);
-        }
-        match (self.shared()?, self.textbook()?) {
-            (Some(bands), _) => run_bands(&job, &bands, progress, cancel),
-            (None, Some(by)) => run_by(&job, &by, progress, cancel),
-            (None, None) => run(&job, progress, cancel),
-        }
-    }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use terrane_options::{Options, Range, Rule, check};
 
 use super::angles::angle_bound;
-use super::job::Goal;
+use super::goal::Goal;
 use super::names::TriangulationName;
 use super::worker::{line_bytes, worker_bytes};
 use terrane_base::bound::Bound;

@@ -1,52 +1,25 @@
 //! The core of the job: any grid source in, any mesh sink out, under given settings.
 
-use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicU64;
 
 use crossbeam_channel::{Receiver, bounded};
 
 use super::layout::{Layout, TileId};
+use super::object::ObjectWriter;
 use super::report::{Clock, Stage, StageReport};
 use super::schedule::Queue;
 use super::scope::{Scope, Work};
+use super::settings::Settings;
 use super::store::Store;
 use super::tally::{Flaws, Tally};
-use super::workdir::ObjectWriter;
 use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
 use super::writer::{Collect, Part, Saver, Totals, Writer};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::kept::Kept;
 use terrane_engine::workers::spawn;
-use terrane_engine::{Cancel, Progress};
 use terrane_files::{lock, unlocked};
 use terrane_mesh::MeshSink;
 use terrane_raster::GridSource;
-use terrane_tin::Spec;
-
-/// How to run the core of a job.
-#[derive(Clone, Copy)]
-pub struct Settings<'a> {
-    /// What each tile has to reach.
-    pub spec: Spec,
-    /// Cells along a tile's side.
-    pub tile: u32,
-    /// Samples that stay vertices.
-    pub kept: &'a Kept,
-    /// Worker threads. With one, everything runs on the calling thread; with more, one further
-    /// thread writes.
-    pub threads: usize,
-    /// Bytes of unfinished mesh to hold in memory; the rest is spilled.
-    pub mesh_bytes: u64,
-    /// Folder for the spill file.
-    pub temp_dir: &'a Path,
-    /// Takes tasks in an order drawn from this seed; for tests, because no result depends on it.
-    pub order_seed: Option<u64>,
-    /// Told of every triangulated tile, in samples.
-    pub progress: &'a dyn Progress,
-    /// Stops the run between two tasks.
-    pub cancel: &'a Cancel,
-}
 
 /// What a run did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -293,13 +266,15 @@ fn check_surface(valid: u64, totals: Totals) -> Result<()> {
 mod tests {
     use super::*;
     use crate::tin::container::Container;
+    use std::path::Path;
     use std::sync::atomic::{AtomicU32, Ordering};
     use terrane_base::bound::Bound;
     use terrane_base::geom::Rect;
-    use terrane_engine::Silent;
+    use terrane_engine::kept::Kept;
+    use terrane_engine::{Cancel, Silent};
     use terrane_mesh::MeshBatch;
     use terrane_raster::{GridInfo, SampleType};
-    use terrane_tin::{Local, Triangle, mend_patch};
+    use terrane_tin::{Local, Spec, Triangle, mend_patch};
     use terrane_tin::{PatchInput, PatchMesh, Scratch, TileInput, TileMesh, triangulate_tile};
 
     /// A saddle with a fault in it, if wanted.

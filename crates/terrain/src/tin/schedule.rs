@@ -10,73 +10,11 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::{Condvar, Mutex};
 
-use super::layout::{Seam, TileId};
+use super::layout::TileId;
 use super::scope::Work;
+use super::task::{MOST_LAG, Step, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
-pub(super) use terrane_files::lock;
-use terrane_files::{unlocked, wait};
-
-/// What is done for a tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Step {
-    /// Triangulate the tile.
-    Tile,
-    /// Mend the seam to the tile on the right.
-    Vertical,
-    /// Mend the seam to the tile below.
-    Horizontal,
-    /// Mend around the tile's last corner.
-    Corner,
-    /// Find the vertices in use that the tile owns, and write them.
-    Gather,
-    /// Fix the id of the tile's first vertex: one tile after the other.
-    Number,
-    /// Write the triangles kept with the tile.
-    Emit,
-    /// Hand over all that is kept with the tile, for another run to go on with.
-    Save,
-}
-
-impl Step {
-    /// The seam a step mends.
-    pub(super) fn seam(self) -> Option<Seam> {
-        match self {
-            Self::Vertical => Some(Seam::Vertical),
-            Self::Horizontal => Some(Seam::Horizontal),
-            Self::Corner => Some(Seam::Corner),
-            _ => None,
-        }
-    }
-
-    /// How many rows and columns (at most [`MOST_LAG`]) after its own tile the last tile lies that it waits for.
-    fn lag(self) -> (u32, u32) {
-        match self {
-            Self::Tile => (0, 0),
-            Self::Vertical => (0, 1),
-            Self::Horizontal => (1, 1),
-            Self::Corner | Self::Gather | Self::Number | Self::Save => (1, 2),
-            Self::Emit => (2, 3),
-        }
-    }
-}
-
-const MOST_LAG: u32 = 3;
-
-/// One unit of work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) struct Task {
-    pub(super) tile: TileId,
-    pub(super) step: Step,
-}
-
-impl std::fmt::Display for Task {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.step.seam() {
-            None => self.tile.fmt(f),
-            Some(seam) => write!(f, "{seam:?} seam of {}", self.tile),
-        }
-    }
-}
+use terrane_files::{lock, unlocked, wait};
 
 /// Offsets (step, rows, columns) of tasks around a tile.
 type Edges = &'static [(Step, i32, i32)];

@@ -1,7 +1,7 @@
 //! Which part of the work one run does: all of it, or a unit that other runs go on from.
 
 use super::layout::{Layout, TileId};
-use super::schedule::{Step, Task};
+use super::task::{Step, Task};
 
 /// The part of the work one run does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

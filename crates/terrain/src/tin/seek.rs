@@ -2,9 +2,10 @@
 
 use super::budget::{Trial, search};
 use super::estimate::{Estimator, Size};
-use super::job::Goal;
+use super::goal::Goal;
 use super::layout::Layout;
-use super::run::{Outcome, Settings, run_on};
+use super::run::{Outcome, run_on};
+use super::settings::Settings;
 use terrane_base::error::{Error, Result};
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridSource;

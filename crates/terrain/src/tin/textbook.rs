@@ -2,7 +2,8 @@
 
 use std::time::Instant;
 
-use super::job::{Goal, TinJob};
+use super::goal::Goal;
+use super::job::TinJob;
 use super::make::{Maker, Opened, in_input, options};
 use super::report::{StageReport, TinReport};
 use super::run::Outcome;

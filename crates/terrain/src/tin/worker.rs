@@ -7,17 +7,19 @@ use std::time::Instant;
 
 use crossbeam_channel::Sender;
 
-use super::container::{Container, Piece, Shift};
+use super::bounds::Shift;
+use super::container::{Container, Piece};
 use super::joints::Joints;
 use super::layout::{Layout, Seam, TileId};
 use super::number::{Lookup, Marks, Ranks, positions};
+use super::object::Record;
 use super::report::{Clock, Stage};
-use super::run::Settings;
-use super::schedule::{Queue, Step, Task};
+use super::schedule::Queue;
+use super::settings::Settings;
 use super::store::Store;
 use super::tally::{Flaws, Tally};
+use super::task::{Step, Task};
 use super::window::Window;
-use super::workdir::Record;
 use super::writer::{Collect, Part};
 use super::zone::{Frontier, Zone, rect_around};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -353,7 +355,9 @@ impl<'a> Worker<'a> {
         let places = ((rect.col, rect.row), (limits.col, limits.row));
         let mut frontier = Frontier::new(&patch.border, places.0, places.1);
         for tile in layout.keepers(limits).take_while(|_| !patch.border.is_empty()) {
-            self.job.store.with(tile, |kept| frontier.see(kept, zone, tile, layout))?;
+            self.job.store.with(tile, |kept| {
+                frontier.see([&kept.triangles, &kept.inner], zone, tile, layout)
+            })?;
         }
         self.clock.add(Stage::Seams, started, 0);
         Ok(frontier)

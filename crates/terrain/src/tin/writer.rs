@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::layout::{Layout, TileId};
+use super::object::{ObjectWriter, Record};
 use super::scope::Work;
-use super::workdir::{ObjectWriter, Record};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_mesh::{MeshBatch, MeshSink};

@@ -8,7 +8,7 @@
 //! **Memory.** A thread holds the places of a piece of the output and what they need of the grid, both bounded: where a
 //! piece needs more, it is halved.
 
-mod lattice;
+pub(crate) mod lattice;
 mod source;
 mod way;
 
@@ -16,7 +16,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::convert::{self, ConvertJob, ConvertReport, Front};
+use crate::convert::copy::{Front, run_of};
+use crate::convert::job::{ConvertJob, ConvertReport};
 use terrane_base::error::{Error, Result};
 use terrane_crs::Operation;
 use terrane_engine::transform::{Transformed, extent_of};
@@ -39,7 +40,7 @@ struct WarpJob<'a> {
 /// are, and else of single precision, or of double where the grid has heights that single precision does not hold.
 ///
 /// # Errors
-/// Those of [`convert::run`]; systems between which no operation is known; a lattice without a sample, with too many,
+/// Those of [`crate::convert::run`]; systems between which no operation is known; a lattice without a sample, with too many,
 /// far from the grid, or in another system; cells of the grid without a place in the system to write in, where it is
 /// not told which part of that is wanted; heights of which a geoid knows nothing; samples of the output that stand for
 /// too many of the grid.
@@ -51,7 +52,7 @@ pub(crate) fn run(
 ) -> Result<ConvertReport> {
     let job = WarpJob { copy, resampling };
     let (mut about, nowhere) = (None, Arc::new(AtomicU64::new(0)));
-    let report = convert::run_of(copy, source::WORKER_BYTES, progress, cancel, |inner| {
+    let report = run_of(copy, source::WORKER_BYTES, progress, cancel, |inner| {
         inner.info().check_cells()?;
         let operation = job.operation(inner.info())?;
         let notes = operation.iter().flat_map(|own| own.notes().iter().cloned()).collect();

@@ -5,15 +5,16 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::object::{Facts, ObjectWriter, object_bytes};
+use super::report::{MeshRun, MeshStatus};
 use super::shelf::Shelf;
 use super::tasks::{Strips, Task};
-use super::{MeshRun, MeshStatus};
 use crate::tin::cost::{nanoseconds, seconds};
 use crate::tin::estimate::Size;
-use crate::tin::job::{Goal, TinJob};
+use crate::tin::goal::Goal;
+use crate::tin::job::TinJob;
 use crate::tin::layout::Layout;
 use crate::tin::make::{Maker, Opened, in_input};
+use crate::tin::object::{Facts, ObjectWriter, object_bytes};
 use crate::tin::report::TinReport;
 use crate::tin::run::{save, write};
 use crate::tin::tally::Tally;

@@ -1,27 +1,24 @@
 //! Meshes by plan: work in units that many machines can share and that survive being killed.
 
 mod mesh;
-mod object;
+mod report;
 mod shelf;
 mod tasks;
 
 use std::path::Path;
 use std::time::Duration;
 
-use serde::Serialize;
-
-pub(super) use object::{ObjectWriter, Record};
-
 use super::estimate::Estimator;
-use super::job::{Goal, TinJob};
+use super::goal::Goal;
+use super::job::TinJob;
 use super::make::{Maker, Opened, in_input};
 use super::options::TinOptions;
 use super::refinement::Refinement;
-use super::report::{Clock, StageReport, TinReport};
+use super::report::TinReport;
 use mesh::Mesh;
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, Request};
-use terrane_engine::plan::{self, DiskCheck, Form, PLAN, Plan, RunJob, Written};
+use terrane_engine::plan::{self, DiskCheck, Form, PLAN, Plan, RunJob};
 use terrane_engine::sift::Skipped;
 use terrane_engine::transform::Transform;
 use terrane_engine::{Cancel, Progress};
@@ -29,62 +26,7 @@ use terrane_files::refuse_held;
 use terrane_mesh::by_path;
 use terrane_tin::Spec;
 
-/// A mesh to plan.
-pub type PlanJob = plan::PlanJob<TinJob>;
-/// The plan of a mesh, or how far the work on it has come.
-pub type StatusReport = plan::StatusReport<MeshStatus>;
-/// What a run of the plan of a mesh did.
-pub type RunReport = plan::RunReport<MeshRun>;
-
-/// What is told of the plan of a mesh alone.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)]
-pub struct MeshStatus {
-    pub max_error: f64,
-    pub samples: u64,
-}
-
-/// What is told of a run on a mesh alone.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MeshRun {
-    /// Samples of the strips done by this run.
-    pub made_samples: u64,
-    /// Time by stage, without that of writing the mesh.
-    pub stages: Vec<StageReport>,
-    /// The mesh, if this run came to it; its time is that of writing it.
-    pub mesh: Option<TinReport>,
-}
-
-impl Written for MeshRun {
-    fn written(&self) -> Option<&str> {
-        self.mesh.as_ref().map(|mesh| mesh.output.as_str())
-    }
-
-    fn unmet(&self) -> Option<String> {
-        self.mesh.as_ref().and_then(TinReport::unmet)
-    }
-}
-
-impl Default for MeshRun {
-    fn default() -> Self {
-        Self { made_samples: 0, stages: Clock::default().report(), mesh: None }
-    }
-}
-
-impl MeshRun {
-    /// Adds the time of a task.
-    fn add(&mut self, stages: Vec<StageReport>) {
-        for more in stages {
-            match self.stages.iter_mut().find(|stage| stage.name == more.name) {
-                Some(stage) => {
-                    stage.thread_seconds += more.thread_seconds;
-                    stage.samples += more.samples;
-                }
-                None => self.stages.push(more),
-            }
-        }
-    }
-}
+pub use report::{MeshRun, MeshStatus, PlanJob, RunReport, StatusReport};
 
 impl Divisible for TinOptions {
     const TASK_SIZE: &'static str =

@@ -3,22 +3,21 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use super::mesh::Mesh;
-use super::object::Object;
 use super::tasks::{Strips, Task};
 use crate::tin::container::Container;
 use crate::tin::layout::TileId;
-use crate::tin::schedule::lock;
+use crate::tin::object::{Facts, Object};
 use crate::tin::worker::Stock;
 use terrane_base::error::Result;
-use terrane_engine::plan::Survey;
+use terrane_engine::plan::{Survey, Work};
+use terrane_files::lock;
 
 /// Objects open at once: the sweep is in one strip, or at the seam between two.
 const MOST_OPEN: usize = 4;
 
 /// Opens objects as the sweep over the tiles comes to them.
-pub(super) struct Shelf<'a> {
-    survey: &'a Survey<'a, Mesh>,
+pub(super) struct Shelf<'a, W: Work> {
+    survey: &'a Survey<'a, W>,
     strips: Strips,
     /// Whose object has the tiles of a row.
     task_of: fn(&Strips, u32) -> Task,
@@ -26,10 +25,10 @@ pub(super) struct Shelf<'a> {
     open: Mutex<BTreeMap<(u32, Task), Arc<Object>>>,
 }
 
-impl<'a> Shelf<'a> {
+impl<'a, W: Work<Task = Task, Facts = Facts>> Shelf<'a, W> {
     /// Of the finished objects; `task_of` says whose tiles of a row are taken.
     pub(super) fn new(
-        survey: &'a Survey<'a, Mesh>,
+        survey: &'a Survey<'a, W>,
         strips: Strips,
         task_of: fn(&Strips, u32) -> Task,
     ) -> Self {
@@ -53,7 +52,7 @@ impl<'a> Shelf<'a> {
     }
 }
 
-impl Stock for Shelf<'_> {
+impl<W: Work<Task = Task, Facts = Facts>> Stock for Shelf<'_, W> {
     fn load(&self, tile: TileId) -> Result<Container> {
         let task = (self.task_of)(&self.strips, tile.row);
         self.object(task)?.read(self.strips.position(task, tile))

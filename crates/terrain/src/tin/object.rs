@@ -17,13 +17,13 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use crate::tin::container::Container;
-use crate::tin::schedule::lock;
-use crate::tin::tally::Tally;
+use super::container::Container;
+use super::tally::Tally;
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::{Digest, damaged_object as damaged};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::fault::{self, Point};
+use terrane_files::lock;
 
 const MAGIC: &[u8; 16] = b"terrane object 2";
 /// Bytes of the numbers that a record begins with.
@@ -55,27 +55,27 @@ pub(super) fn object_bytes(kept: u64, tiles: u64) -> u64 {
 
 /// A container as bytes, with their digest.
 #[derive(Debug)]
-pub(in crate::tin) struct Record {
+pub(super) struct Record {
     bytes: Vec<u8>,
     digest: Digest,
 }
 
 impl Record {
     /// Of a settled container.
-    pub(in crate::tin) fn of(container: &Container) -> Self {
+    pub(super) fn of(container: &Container) -> Self {
         let bytes = container.to_bytes();
         let digest = Digest::of(&bytes);
         Self { bytes, digest }
     }
 
     /// Bytes held.
-    pub(in crate::tin) fn len(&self) -> u64 {
+    pub(super) fn len(&self) -> u64 {
         self.bytes.len() as u64
     }
 }
 
 /// An object in the making; dropped unfinished it leaves nothing.
-pub(in crate::tin) struct ObjectWriter {
+pub(super) struct ObjectWriter {
     path: PathBuf,
     file: BufWriter<AtomicFile>,
     /// Of all that was written.
@@ -95,7 +95,7 @@ impl ObjectWriter {
     }
 
     /// Appends the next tile's record.
-    pub(in crate::tin) fn push(&mut self, record: &Record) -> Result<()> {
+    pub(super) fn push(&mut self, record: &Record) -> Result<()> {
         let Record { bytes, digest } = record;
         self.index.push(Entry { offset: self.offset, len: record.len(), digest: digest.0 });
         self.write(bytes)

@@ -1,0 +1,181 @@
+//! A contour job: its options, what can be known to be wrong with them, and its report.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use terrane_base::error::{Error, Result};
+use terrane_crs as crs;
+use terrane_engine::Resources;
+use terrane_engine::figures::Figures;
+use terrane_engine::options::{FileOutput, Finite, GridInput, Reprojection};
+use terrane_engine::transform::{Transformed, extent_of};
+use terrane_files::folder_for;
+use terrane_options::{Options, Range, Rule};
+use terrane_raster::{GridInfo, Inputs};
+use terrane_simplify::{Length, LengthText, Threshold};
+use terrane_vector::{self as vector, VectorFormat};
+use terrane_window::contour::Levels;
+
+/// The property that tells index contours from others.
+pub(super) const INDEX: &str = "index";
+
+/// Cells along the side of a tile, least to most.
+const TILE_CELLS: [f64; 2] = [16.0, 8192.0];
+
+/// Make contour lines of a grid
+///
+/// The surface is linear along the lines between neighbouring samples; higher ground is on the right of each line. Lines end
+/// at voids and at the border, do not branch, and do not touch each other. With ‹tolerance› they are simplified, and neither
+/// cross nor touch afterwards. The file is the same for any number of threads and any memory.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+#[non_exhaustive]
+pub struct ContourOptions {
+    /// Lines at all multiples of this height, in the vertical unit of the data
+    #[option(short = 'i', alias = "every", value = "HEIGHT", range = Range::POSITIVE, heading = "Levels")]
+    pub interval: Option<f64>,
+    /// Lines at these heights, such as 10,50,100, instead
+    #[option(alias = "at", value = "LIST", with = Finite, heading = "Levels")]
+    pub levels: Vec<f64>,
+    /// Height from which the multiples are counted
+    #[option(alias = "offset", value = "HEIGHT", with = Finite, default_text = "0", heading = "Levels")]
+    pub base: Option<f64>,
+    /// Mark lines at every N-th level from the base in a property "index" (true or false)
+    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), heading = "Levels")]
+    pub index: Option<u32>,
+    /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit: 100m, 2km, 50ft (of
+    /// longitudes and latitudes on the ellipsoid); lines still neither cross nor touch
+    #[option(alias = "simplify", value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, heading = "Simplification")]
+    pub tolerance: Option<Length>,
+    /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they may have lost
+    #[option(value = "CELLS", default = 1024, range = Range::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
+    pub tile: u32,
+    /// Name of the property that holds the height of a line
+    #[option(short = 'a', value = "NAME", default = "elev".to_owned(), heading = "Output")]
+    pub attribute: String,
+    /// Give each vertex the height of its line
+    #[option(alias = "3d", heading = "Output")]
+    pub with_z: bool,
+    /// The output file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// The coordinate reference system of the output.
+    #[option(flatten)]
+    pub reprojection: Reprojection,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[
+    Rule::OneOf(&["interval", "levels"], "levels of lines"),
+    Rule::NotWith("levels", &["base", "index"]),
+];
+
+impl ContourOptions {
+    pub(super) fn heights(&self) -> Result<Levels> {
+        match self.interval {
+            Some(interval) => Levels::every(interval, self.base.unwrap_or(0.0)),
+            None => Levels::list(self.levels.clone()),
+        }
+    }
+
+    /// The format to write.
+    pub(super) fn format(&self, output: &Path) -> Result<&'static VectorFormat> {
+        self.heights()?;
+        if self.index.is_some() && self.attribute == INDEX {
+            return Err(Error::usage("the heights and the marks of index contours have one name")
+                .remedy("choose another ‹attribute›"));
+        }
+        let format = vector::by_path(output, self.file.format.as_deref())?;
+        if !format.holds.kinds.contains(&vector::Kind::LineString) {
+            return Err(Error::usage(format!("{} holds no lines", format.name))
+                .in_file(output)
+                .remedy("write GeoJSON, FlatGeobuf or a shapefile"));
+        }
+        Ok(format)
+    }
+}
+
+/// Contour lines to make.
+#[derive(Clone, Debug)]
+pub struct ContourJob {
+    /// Grid files, or a synthetic terrain by name.
+    pub input: Inputs,
+    /// File of features to write.
+    pub output: PathBuf,
+    /// What they are to be.
+    pub options: ContourOptions,
+}
+
+impl ContourJob {
+    /// What can be known to be wrong before any work; the format to write.
+    pub(super) fn check(&self) -> Result<&'static VectorFormat> {
+        terrane_options::check(&self.options)?;
+        self.options.format(&self.output)
+    }
+
+    /// What leads to the system to write in.
+    pub(super) fn operation(&self, info: &GridInfo) -> Result<Option<crs::Operation>> {
+        let Some(transform) = self.options.reprojection.transform() else { return Ok(None) };
+        let (input, extent) = (self.input.to_string(), Some(extent_of(info)));
+        let source = (Path::new(&input), &info.crs);
+        let operation = transform.operation(source, extent, &self.options.resources)?;
+        match operation.keeps_heights() {
+            true => Ok(Some(operation)),
+            false => Err(Error::unsupported(
+                "lines at one height are not at one height in the system to write in",
+            )
+            .remedy("name it without heights: those of the grid are kept")),
+        }
+    }
+
+    /// Where pieces are spilled: the folder asked for, or the output's.
+    pub(super) fn spill_folder(&self) -> &Path {
+        folder_for(&self.output, self.options.resources.temp_dir.as_deref())
+    }
+}
+
+/// What was made.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct ContourReport {
+    pub input: String,
+    pub output: String,
+    /// Name of the written format.
+    pub format: String,
+    pub width: u32,
+    pub height: u32,
+    /// The system of the grid.
+    pub crs: String,
+    /// What led to the system of the output, where that is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
+    /// Levels with a line, and the lowest and highest of them.
+    pub levels: u64,
+    pub lowest: Option<f64>,
+    pub highest: Option<f64>,
+    pub tolerance: Option<Threshold>,
+    /// Cells along the side of a tile.
+    pub tile: u32,
+    /// Lines written, rings among them.
+    pub lines: u64,
+    pub rings: u64,
+    /// Lines that would go around nothing: samples exactly on a level, with no cell among them and all
+    /// others around them below.
+    pub left_out: u64,
+    /// Vertices written, and those before simplification, of lines left out too.
+    pub vertices: u64,
+    pub original_vertices: u64,
+    pub notes: Vec<String>,
+    pub output_bytes: u64,
+    pub samples: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+    pub samples_per_second: f64,
+}

@@ -1,0 +1,222 @@
+//! Copying a grid, or what stands in front of it, into a file.
+
+use std::time::Instant;
+
+use super::job::{ConvertJob, ConvertReport};
+use super::task::{Pieces, Summary, Task};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::figures::Figures;
+use terrane_engine::outputs::not_member;
+use terrane_engine::{Cancel, Progress, Resources};
+use terrane_raster::write::{BandName, GridFormat, GridSink, WriteOptions};
+use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, WaterReport};
+
+/// What stands in front of a grid that is read.
+pub(crate) struct Front {
+    /// What is written, alike in size and type.
+    bands: Vec<Box<dyn GridSource>>,
+    /// What the bands are called, where they are colours.
+    colours: Vec<BandName>,
+    /// What is to be said of it.
+    notes: Vec<String>,
+}
+
+impl Front {
+    /// A grid.
+    pub(crate) fn of(grid: Box<dyn GridSource>, notes: Vec<String>) -> Self {
+        Self { bands: vec![grid], colours: Vec::new(), notes }
+    }
+
+    /// Red, green, blue and perhaps opacity.
+    pub(crate) fn of_colours(bands: Vec<Box<dyn GridSource>>, notes: Vec<String>) -> Self {
+        let names = ["red", "green", "blue", "opacity"].into_iter().take(bands.len());
+        let named =
+            |name: &str| BandName { name: name.to_owned(), in_vertical_unit: false, counts: false };
+        Self { bands, colours: names.map(named).collect(), notes }
+    }
+}
+
+/// As [`run`](super::run), of what stands in front of the grid that is read, with what is to be said of that; reading from it a
+/// thread holds so many bytes.
+pub(crate) fn run_of(
+    job: &ConvertJob,
+    held: u64,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+    front: impl FnOnce(Box<dyn GridSource>) -> Result<Front>,
+) -> Result<ConvertReport> {
+    let format = job.options.format(&job.output)?;
+    format.check(&job.options.written.co)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
+    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format, held)?;
+    let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
+    let options = OpenOptions { threads, ..options };
+    let source = raster::open_all(job.input.names(), &options)?;
+    not_member(source.as_ref(), &job.output)?;
+    let cautions = raster::cautions(source.info());
+    let Front { bands, colours, notes } = front(source)?;
+    let mut notes = [cautions, notes].concat();
+    let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
+    let report = copy_of(&bands, colours, job, held, progress, cancel)?;
+    let water = options.water.and_then(|water| water.report());
+    notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
+    Ok(ConvertReport { notes, water, ..report })
+}
+
+/// As [`run`](super::run), from a grid that is open already (`job.input` is only named in the report).
+pub fn copy(
+    source: &dyn GridSource,
+    job: &ConvertJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
+    copy_of(&[source], Vec::new(), job, 0, progress, cancel)
+}
+
+/// Copies a band, or several that are colours, with these names.
+fn copy_of(
+    bands: &[&dyn GridSource],
+    colours: Vec<BandName>,
+    job: &ConvertJob,
+    held: u64,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
+    let start = Instant::now();
+    let format = job.options.format(&job.output)?;
+    let budget = Budget::divide(job, format, held)?;
+    let Some(source) = bands.first().copied() else { return Ok(ConvertReport::default()) };
+    let (window, info) = (source.info().bounds(), source.info());
+    let (are_colours, read) = (!colours.is_empty(), job.read_beside(source)?);
+    let options = WriteOptions { read, bands: colours, are_colours, ..job.write_options() };
+    let mut sink = format.create(&job.output, info, &options)?;
+    let threads = budget.threads_for(sink.as_ref(), format)?;
+    let samples = u64::from(info.width) * u64::from(info.height);
+    progress.begin("convert", samples);
+    let pieces = Pieces::new(window, source, sink.as_ref(), budget.cache);
+    let task = Task { sources: bands, window, sink: sink.as_ref(), pieces };
+    let summary = task.run(threads, progress, cancel)?;
+    progress.end();
+    copy_levels(sink.as_mut(), threads, progress, cancel)?;
+    cancel.check()?;
+    let (written, mut notes) = (sink.info().clone(), sink.notes());
+    notes.extend(moved_nodata(job.options.out_nodata, info, &written));
+    let output_bytes = sink.finish()?;
+    let run = Figures::since(start, &job.options.resources).with_threads(threads);
+    Ok(ConvertReport {
+        format: format.name.to_owned(),
+        samples,
+        notes,
+        output_bytes,
+        samples_per_second: run.rate(samples),
+        run,
+        ..report(job, &written, &summary)
+    })
+}
+
+/// A nodata value that the type of the samples does not have is another one in the file.
+fn moved_nodata(asked: Option<f64>, own: &GridInfo, written: &GridInfo) -> Option<String> {
+    let stays = (own.scale, own.offset) == (written.scale, written.offset);
+    let asked = asked.or(own.nodata.filter(|_| stays))?;
+    let stored = written.nodata?;
+    let is_moved = (asked - stored).abs() > HAIR * asked.abs();
+    let name = written.sample_type.name();
+    is_moved.then(|| format!("voids are {stored}, the {name} nearest to {asked}"))
+}
+
+/// Overviews, one after the other.
+pub fn copy_levels(
+    sink: &mut dyn GridSink,
+    threads: usize,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<()> {
+    while let Some(levels) = sink.next_level()? {
+        let sources: Vec<&dyn GridSource> = levels.iter().map(AsRef::as_ref).collect();
+        let Some(first) = sources.first() else { continue };
+        let window = first.info().bounds();
+        progress.begin("overview", window.len() as u64);
+        let pieces = Pieces::new(window, *first, sink, 0);
+        let task = Task { sources: &sources, window, sink, pieces };
+        task.run(threads, progress, cancel)?;
+        progress.end();
+    }
+    Ok(())
+}
+
+fn report(job: &ConvertJob, info: &GridInfo, summary: &Summary) -> ConvertReport {
+    let seen = |height: f64| (summary.valid > 0).then_some(height);
+    ConvertReport {
+        input: job.input.to_string(),
+        output: job.output.display().to_string(),
+        width: info.width,
+        height: info.height,
+        crs: info.crs.label(),
+        sample_type: info.sample_type.name().to_owned(),
+        nodata: info.nodata,
+        valid_samples: summary.valid,
+        lowest: seen(summary.lowest),
+        highest: seen(summary.highest),
+        ..ConvertReport::default()
+    }
+}
+
+/// Nodata values are told in six digits or so.
+const HAIR: f64 = 1e-6;
+
+/// How the job's memory is divided.
+#[derive(Clone, Copy)]
+struct Budget {
+    threads: usize,
+    /// Bytes for decoded blocks of the source.
+    cache: usize,
+    memory: u64,
+    /// Bytes that a thread holds beside a block.
+    held: u64,
+}
+
+/// Samples of a block when nothing else is known, as in a tile of 512 x 512.
+const USUAL_SAMPLES: u64 = 512 * 512;
+/// Least memory left for the source's blocks.
+const LEAST_CACHE: u64 = 8 << 20;
+
+impl Budget {
+    /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
+    /// where memory is short.
+    fn divide(job: &ConvertJob, format: &GridFormat, held: u64) -> Result<Self> {
+        let Resources { threads, memory, .. } = job.options.resources;
+        let side =
+            job.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
+        let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
+        let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
+        let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(held);
+        let least = block.saturating_add(LEAST_CACHE);
+        if memory < least {
+            return Err(too_small(memory, least));
+        }
+        let most = (memory - LEAST_CACHE) / block;
+        let threads = threads.clamp(1, usize::try_from(most).unwrap_or(usize::MAX));
+        let share = threads as u64 * block;
+        let cache = (memory - share).min((memory / 2).max(LEAST_CACHE));
+        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory, held })
+    }
+
+    /// Threads that the real blocks of a sink leave room for. Blocks as wide as the grid may be
+    /// larger than was thought when the source was opened.
+    fn threads_for(&self, sink: &dyn GridSink, format: &GridFormat) -> Result<usize> {
+        let (width, height) = sink.block();
+        let (info, samples) = (sink.info(), |a: u32, b: u32| u64::from(a) * u64::from(b));
+        let block = samples(width.min(info.width), height.min(info.height));
+        let block = block.saturating_mul(format.bytes_per_sample).saturating_add(self.held).max(1);
+        match (self.memory - self.cache as u64) / block {
+            0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * LEAST_CACHE))),
+            most => Ok(self.threads.min(usize::try_from(most).unwrap_or(usize::MAX))),
+        }
+    }
+}
+
+fn too_small(memory: u64, least: u64) -> Error {
+    let message = format!("the memory budget of {memory} bytes is too small");
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("give at least {} MiB with ‹memory›", least.div_ceil(1 << 20)))
+}

@@ -1,0 +1,193 @@
+//! A grid-to-grid job: its options and its report.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::warp::lattice::LatticeOptions as Lattice;
+use terrane_base::error::Result;
+use terrane_base::registry;
+use terrane_engine::Resources;
+use terrane_engine::figures::Figures;
+use terrane_engine::options::{
+    FileOutput, FiniteOrNan, GridInput, GridOutput, Reprojection, SampleTypeName,
+};
+use terrane_engine::transform::Transformed;
+use terrane_files::{beside_grid, path_of};
+use terrane_options::{Codec, Json, Kind, Named, Options, Rule};
+use terrane_raster::write::{self, GridFormat, WriteOptions};
+use terrane_raster::{self as raster, GridSource, Inputs, SampleType, WaterReport};
+use terrane_window::resample::{RESAMPLINGS, Resampling};
+
+/// Copy a grid, or a part of it, into a file of another format
+///
+/// A .tif is a plain GeoTIFF unless COG is asked for, or store: an uncompressed tiled BigTIFF that terrane maps into memory
+/// and reads fast. Samples are written exactly or not at all: a height that the type does not hold is an error that names its
+/// place, unless ‹round› allows the nearest value. Samples stay where they are unless ‹resampling› says how they are to be
+/// found elsewhere: in another reference system, at another distance, or where those of another grid are.
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = own, rules = RULES)]
+#[non_exhaustive]
+pub struct ConvertOptions {
+    /// The output file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How its format is written.
+    #[option(flatten)]
+    pub written: GridOutput,
+    /// Type of the written samples, such as int16 or float32
+    #[option(name = "type", alias = "dtype", value = "NAME", with = SampleTypeName, heading = "Output",
+             default_text = "the input's")]
+    pub sample_type: Option<SampleType>,
+    /// Written value for voids
+    #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", default_text = "the one they are read by")]
+    pub out_nodata: Option<f64>,
+    /// Write the nearest value where the type does not hold a height exactly
+    #[option(heading = "Output")]
+    pub round: bool,
+    /// How heights are found where samples of the output lie between those of the input; nothing is ever resampled
+    /// without it
+    #[option(value = "NAME", with = ResamplingName, heading = "Lattice")]
+    pub resampling: Option<String>,
+    /// The lattice of the output.
+    #[option(flatten)]
+    pub lattice: Lattice,
+    /// The coordinate reference system of the output.
+    #[option(flatten)]
+    pub reprojection: Reprojection,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+const RULES: &[Rule] = &[
+    Rule::Needs("resampling", &["to_crs", "resolution", "extent", "like"]),
+    Rule::Needs("to_crs", &["resampling"]),
+    Rule::Needs("resolution", &["resampling"]),
+    Rule::Needs("extent", &["resampling"]),
+    Rule::Needs("like", &["resampling"]),
+    Rule::NotWith("like", &["resolution", "extent"]),
+];
+
+impl ConvertOptions {
+    /// The format to write.
+    pub(crate) fn format(&self, output: &Path) -> Result<&'static GridFormat> {
+        write::by_path(output, self.file.format.as_deref())
+    }
+}
+
+/// A grid-to-grid job.
+#[derive(Clone, Debug)]
+pub struct ConvertJob {
+    /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
+    pub input: Inputs,
+    /// File to write.
+    pub output: PathBuf,
+    /// How it is read and written.
+    pub options: ConvertOptions,
+}
+
+impl ConvertJob {
+    /// The job with all options at their defaults.
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>) -> Self {
+        let options = ConvertOptions::default();
+        Self { input: input.into(), output: output.into(), options }
+    }
+
+    /// The same with other options.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut ConvertOptions)) -> Self {
+        change(&mut self.options);
+        self
+    }
+
+    pub(super) fn write_options(&self) -> WriteOptions {
+        let ConvertOptions { file, written, sample_type, out_nodata, round, resources, .. } =
+            self.options.clone();
+        WriteOptions {
+            overwrite: file.replacing.overwrite,
+            creation: written.co,
+            sample_type,
+            nodata: out_nodata,
+            round,
+            temp_dir: resources.temp_dir,
+            bands: Vec::new(),
+            are_colours: false,
+            read: Vec::new(),
+        }
+    }
+
+    /// The files that are read with those of the input, of names that the output's companions may have.
+    pub(super) fn read_beside(&self, source: &dyn GridSource) -> Result<Vec<PathBuf>> {
+        let stem = self.output.file_stem().unwrap_or_default().as_encoded_bytes();
+        let is_alike = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default();
+            name.as_encoded_bytes().starts_with(stem)
+        };
+        let named = raster::files(self.input.names())?;
+        let named = named.iter().map(|name| path_of(raster::file_name(name)).into_owned());
+        let all = source.members().into_iter().chain(named).filter(is_alike);
+        Ok(all.flat_map(|path| beside_grid(&path)).collect())
+    }
+}
+
+/// What a grid-to-grid job did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct ConvertReport {
+    pub input: String,
+    pub output: String,
+    /// Name of the written format.
+    pub format: String,
+    pub width: u32,
+    pub height: u32,
+    pub crs: String,
+    /// What led to the system of the output, where that is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
+    /// How heights were found between samples, where they were, and how many columns and rows of the grid there are to
+    /// one of the output.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resampling: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<[f64; 2]>,
+    pub sample_type: String,
+    pub nodata: Option<f64>,
+    pub samples: u64,
+    pub valid_samples: u64,
+    /// Lowest and highest valid height; absent when there is none.
+    pub lowest: Option<f64>,
+    pub highest: Option<f64>,
+    /// What became of water.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water: Option<WaterReport>,
+    /// What of the grid the format could not say.
+    pub notes: Vec<String>,
+    pub output_bytes: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+    pub samples_per_second: f64,
+}
+
+/// The name of a way to find heights between samples.
+pub struct ResamplingName;
+
+impl Codec<String> for ResamplingName {
+    const KIND: Kind = Kind::Choice(|| {
+        let named = |own: &Resampling| Named { name: own.name, about: own.about };
+        RESAMPLINGS.iter().map(named).collect()
+    });
+
+    fn parse(text: &str) -> std::result::Result<String, String> {
+        let found = registry::named(RESAMPLINGS, text);
+        found.map(|own| own.name.to_owned()).map_err(|error| error.to_string())
+    }
+
+    fn json(value: &String) -> Json {
+        value.as_str().into()
+    }
+}

@@ -1,0 +1,34 @@
+//! What a mesh of a grid has to reach.
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::{Error, Result};
+
+/// What the mesh has to reach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Goal {
+    /// No valid sample further than this from the surface, vertically.
+    MaxError(f64),
+    /// The smallest tolerance whose mesh has at most this many vertices.
+    MaxVertices(u64),
+    /// The smallest tolerance whose mesh has at most this many triangles.
+    MaxTriangles(u64),
+}
+
+impl Goal {
+    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
+    pub(super) fn check(self) -> Result<()> {
+        match self {
+            Self::MaxError(e) if !(e.is_finite() && e >= 0.0) => {
+                Err(Error::usage(format!("{e} is no maximum error"))
+                    .remedy("give a number of 0 or more, in the unit of the heights"))
+            }
+            Self::MaxVertices(0) | Self::MaxTriangles(0) => {
+                Err(Error::usage("a mesh of 0 vertices or triangles is no mesh")
+                    .remedy("allow at least 3 vertices"))
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! How the core of a job is run.
+
+use std::path::Path;
+
+use terrane_engine::kept::Kept;
+use terrane_engine::{Cancel, Progress};
+use terrane_tin::Spec;
+
+/// How to run the core of a job.
+#[derive(Clone, Copy)]
+pub struct Settings<'a> {
+    /// What each tile has to reach.
+    pub spec: Spec,
+    /// Cells along a tile's side.
+    pub tile: u32,
+    /// Samples that stay vertices.
+    pub kept: &'a Kept,
+    /// Worker threads. With one, everything runs on the calling thread; with more, one further
+    /// thread writes.
+    pub threads: usize,
+    /// Bytes of unfinished mesh to hold in memory; the rest is spilled.
+    pub mesh_bytes: u64,
+    /// Folder for the spill file.
+    pub temp_dir: &'a Path,
+    /// Takes tasks in an order drawn from this seed; for tests, because no result depends on it.
+    pub order_seed: Option<u64>,
+    /// Told of every triangulated tile, in samples.
+    pub progress: &'a dyn Progress,
+    /// Stops the run between two tasks.
+    pub cancel: &'a Cancel,
+}
