@@ -12,10 +12,9 @@ use std::ops::Range;
 
 use terrane_base::geom::Rect;
 
-use super::Part;
 use super::bits::Bits;
-use super::edges::Use;
 use super::exact::Blend;
+use super::part::Part;
 use super::sections::{Int, Walk, ceil, floor, is_small};
 use super::surface::Surface;
 use super::tally::{Spot, Tally};
@@ -101,15 +100,20 @@ impl<'a> Between<'a> {
         self.judge(&Break { lines, line, unit, rest, part: 0, whole }, tally);
     }
 
-    /// Judges where an edge crosses lines strictly between its ends; `sides` are those that it is.
-    pub(crate) fn edge(&mut self, ends: [Position; 2], sides: &[Use], tally: &mut Tally) {
+    /// Judges where an edge crosses lines strictly between its ends, where triangles have these heights.
+    pub(crate) fn edge(
+        &mut self,
+        ends: [Position; 2],
+        heights: impl Iterator<Item = [f64; 2]>,
+        tally: &mut Tally,
+    ) {
         let [a, b] = ends;
         let crosses = |a: i64, b: i64| floor(a.min(b)) + 1 < ceil(a.max(b));
         if !crosses(a.row, b.row) && !crosses(a.col, b.col) {
             return;
         }
         self.heights.clear();
-        self.heights.extend(sides.iter().map(|side| side.heights(self.part.triangles)));
+        self.heights.extend(heights);
         distinct(&mut self.heights);
         for upright in [false, true] {
             let lines = Lines { upright };

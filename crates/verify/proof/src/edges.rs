@@ -2,11 +2,11 @@
 
 use std::mem::size_of;
 
-use super::Part;
 use super::between::Between;
 use super::exact::{double_area, in_circle};
 use super::follow::Follow;
 use super::kept::Kept;
+use super::part::Part;
 use super::sections::{ceil, floor};
 use super::surface::{Followed, Run, Surface};
 use super::tally::Tally;
@@ -59,30 +59,6 @@ impl Use {
         let (triangle, corner) = (&triangles[self.side as usize / 3], self.side as usize % 3);
         let [a, b] = [corner, (corner + 1) % 3].map(|corner| triangle.corners[corner]);
         if a.at < b.at { [a.z, b.z] } else { [b.z, a.z] }
-    }
-}
-
-impl Part<'_> {
-    /// True when a vertex at an owned position is a valid sample, with its height as the format holds it. Fitted
-    /// heights may be others inside the surface, not on its outline.
-    fn is_sample(&self, at: Position, z: f64, surface: &Surface) -> bool {
-        let is_free = self.is_fitted && surface.is_inside(at);
-        let is_right =
-            |height: f64| if is_free { !height.is_nan() } else { self.precision.is(z, height) };
-        self.sample(at).is_some_and(is_right)
-    }
-
-    /// The height of the sample at a position that is owned, if one is there; NaN where it is void.
-    pub(crate) fn sample(&self, at: Position) -> Option<f64> {
-        let apron = self.domain.apron();
-        let inside = |fixed: i64, first: u32, count: u32| {
-            let cells = usize::try_from(floor(fixed) - i64::from(first)).ok();
-            cells.filter(|&cells| cells < count as usize)
-        };
-        let col = inside(at.col, apron.col, apron.width);
-        let row = inside(at.row, apron.row, apron.height);
-        let place = row.zip(col).map(|(row, col)| row * apron.width as usize + col);
-        place.filter(|_| at.is_sample()).and_then(|place| self.heights.get(place).copied())
     }
 }
 
@@ -187,7 +163,7 @@ impl Corners {
 /// Judges the edges and vertices that `part` owns. Returns open edges to follow further.
 pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Vec<Open> {
     let (mut between, mut kept) = (Between::new(part, surface), Kept::new(part));
-    let mut follow = Follow::new(part, surface);
+    let mut follow = Follow::new(part.lines, &part.domain, surface);
     let corners = Corners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
             check_corner((part, surface), at, heights, tally);
@@ -201,7 +177,7 @@ pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Ve
     let mut open = Vec::new();
     let mut unfinished = Vec::new();
     corners.each_edge(|ends, meeting, sides| {
-        between.edge(ends, sides, tally);
+        between.edge(ends, sides.iter().map(|side| side.heights(part.triangles)), tally);
         follow.edge(ends);
         if matches!(meeting, Meeting::Open(_)) {
             open.push(ends);
@@ -235,6 +211,11 @@ fn check_corner(
 }
 
 impl Tally {
+    /// Counts an open edge that leaves the outline of the surface.
+    pub fn crack(&mut self, open: &Open) {
+        self.cracks.add(open.at);
+    }
+
     /// Counts an edge by how its triangles meet.
     pub(crate) fn edge(&mut self, ends: [Position; 2], meeting: Meeting) {
         match meeting {

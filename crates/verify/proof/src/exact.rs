@@ -11,6 +11,14 @@ pub(crate) fn double_area(a: Position, b: Position, c: Position) -> i128 {
     d(b.col, a.col) * d(c.row, a.row) - d(b.row, a.row) * d(c.col, a.col)
 }
 
+impl Triangle {
+    /// Twice the signed area, in 2^-60 cell; positive when counter-clockwise in (column, row).
+    pub fn double_area(&self) -> i128 {
+        let [a, b, c] = self.positions();
+        double_area(a, b, c)
+    }
+}
+
 /// True when `d` is strictly inside the circle through (a, b, c), of either orientation. Exact for
 /// samples; for other positions in `f64`, true only when beyond rounding error.
 pub(crate) fn in_circle(a: Position, b: Position, c: Position, d: Position) -> bool {

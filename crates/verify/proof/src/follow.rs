@@ -9,7 +9,6 @@
 
 use std::ops::Range;
 
-use super::Part;
 use super::domain::Domain;
 use super::surface::Surface;
 use super::tally::Tally;
@@ -107,20 +106,20 @@ struct Stop {
 
 /// What a part has of lines.
 pub(crate) struct Follow<'a> {
-    part: &'a Part<'a>,
+    lines: &'a [Line],
     /// Sorted by position.
     stops: Vec<Stop>,
 }
 
 impl<'a> Follow<'a> {
-    pub(crate) fn new(part: &'a Part<'a>, surface: &Surface) -> Self {
+    pub(crate) fn new(lines: &'a [Line], domain: &Domain, surface: &Surface) -> Self {
         let mut stops = Vec::new();
-        for (line, path) in part.lines.iter().enumerate() {
+        for (line, path) in lines.iter().enumerate() {
             let borders = |step: i64| {
                 (0..path.steps()).contains(&step)
                     && surface.borders(path.at(step), path.at(step + 1))
             };
-            for step in path.steps_in(&part.domain) {
+            for step in path.steps_in(domain) {
                 let [col, row] = path.at(step);
                 let (at, goes_on) = (Position::sample(col, row), borders(step));
                 let has_to_be = surface.has_sample(at) && !(goes_on && borders(step - 1));
@@ -129,7 +128,7 @@ impl<'a> Follow<'a> {
             }
         }
         stops.sort_unstable_by_key(|stop| (stop.at, stop.line));
-        Self { part, stops }
+        Self { lines, stops }
     }
 
     fn at(&mut self, at: Position) -> &mut [Stop] {
@@ -145,7 +144,7 @@ impl<'a> Follow<'a> {
 
     /// Takes note of an edge.
     pub(crate) fn edge(&mut self, [a, b]: [Position; 2]) {
-        let lines = self.part.lines;
+        let lines = self.lines;
         for (from, to) in [(a, b), (b, a)] {
             let stops = self.at(from);
             if stops.is_empty() || !to.is_sample() {

@@ -1,9 +1,10 @@
 //! Samples that have to be vertices, at the heights they have.
 
+use super::part::Part;
+use super::snap::Precision;
 use super::surface::Surface;
 use super::tally::Tally;
 use super::triangle::Position;
-use super::{Part, Precision};
 
 /// Which of them a part has.
 pub(crate) struct Kept<'a> {

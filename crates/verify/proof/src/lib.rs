@@ -17,6 +17,7 @@ mod expansion;
 mod follow;
 mod kept;
 pub mod lines;
+mod part;
 pub mod quality;
 mod sections;
 pub mod slope;
@@ -32,6 +33,7 @@ mod worst;
 pub use domain::{Domain, Layout};
 pub use edges::Open;
 pub use follow::Line;
+pub use part::{AngleBound, Part};
 pub use snap::{Precision, Snap, Snapped, Snapper};
 pub use sum::ExactSum;
 pub use surface::{Followed, Run, Surface};
@@ -39,54 +41,6 @@ pub use tally::{Fault, Spot, Tally};
 pub use triangle::{Position, Triangle, Vertex};
 
 use std::mem::size_of;
-
-/// One rectangle of samples to check, with all that touches it.
-#[derive(Debug)]
-pub struct Part<'a> {
-    /// The samples it owns, in the grid they belong to.
-    pub domain: Domain,
-    /// Heights of [`Domain::apron`], row by row, NaN where void.
-    pub heights: &'a [f64],
-    /// Every triangle that touches the domain, in any order; others do no harm.
-    pub triangles: &'a [Triangle],
-    /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
-    /// format have no identity.
-    pub vertices: Option<&'a [Position]>,
-    /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
-    pub kept: &'a [Position],
-    /// Breaklines that may come to the domain; others do no harm.
-    pub lines: &'a [Line],
-    /// What the angles of triangles are held to, if anything.
-    pub min_angle: Option<AngleBound>,
-    /// How the mesh stores heights.
-    pub precision: Precision,
-    /// Vertices inside the surface may have other heights than their samples.
-    pub is_fitted: bool,
-    /// Largest allowed vertical distance; `None` to measure only.
-    pub tolerance: Option<f64>,
-    /// +1 when a triangle that is counter-clockwise in the world is so in (column, row) axes too,
-    /// -1 when it is clockwise there (a north-up grid).
-    pub orientation: i128,
-}
-
-/// The smallest angle that triangles may have in plan.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AngleBound {
-    /// In degrees.
-    pub degrees: f64,
-    /// By how much x and y change along a column's step (x first), and along a row's.
-    pub steps: [[f64; 2]; 2],
-}
-
-impl AngleBound {
-    /// Degrees that are rounding.
-    const ROUNDING: f64 = 1e-7;
-
-    /// True when a triangle has a smaller one.
-    pub fn is_broken_by(&self, triangle: &Triangle) -> bool {
-        triangle.smallest_angle_in(self.steps) < self.degrees - Self::ROUNDING
-    }
-}
 
 /// Bytes [`check`] needs for a domain of `samples` samples touched by `triangles` triangles, with
 /// `vertices` stored vertices; heights, triangles and positions included.
@@ -108,7 +62,7 @@ pub fn check(part: &Part<'_>, tally: &mut Tally) -> Vec<Open> {
     surface.count(&part.domain, tally);
     let mut worst = worst::Worst::new(part, &surface);
     for triangle in part.triangles {
-        tally.triangle(triangle, part);
+        part.triangle(triangle, tally);
         worst.add(triangle);
     }
     worst.finish(tally);

@@ -1,6 +1,5 @@
 //! What was found: counts, exact sums and extremes that add up the same in any order.
 
-use super::Part;
 use super::sum::ExactSum;
 use super::triangle::{Position, Triangle};
 
@@ -181,11 +180,6 @@ impl Tally {
         ]
     }
 
-    /// Counts an open edge that leaves the outline of the surface.
-    pub fn crack(&mut self, open: &super::Open) {
-        self.cracks.add(open.at);
-    }
-
     /// Takes note of the error of a sample.
     pub(crate) fn spot(&mut self, spot: Spot) {
         self.worst = Some(self.worst.map_or(spot, |worst| worst.worse(spot)));
@@ -203,21 +197,6 @@ impl Tally {
 
     fn angle_at_least(&mut self, angle: f64) {
         self.smallest_angle = Some(self.smallest_angle.map_or(angle, |least| least.min(angle)));
-    }
-
-    /// Judges a triangle by itself, when the part owns it (its first corner).
-    pub(crate) fn triangle(&mut self, triangle: &Triangle, part: &Part<'_>) {
-        let at = triangle.corners[0].at;
-        if !part.domain.owns(at) {
-            return;
-        }
-        self.shape(triangle, part.orientation);
-        if part.min_angle.is_some_and(|bound| bound.is_broken_by(triangle)) {
-            self.thin.add(at);
-        }
-        if triangle.double_area() != 0 && is_outside(triangle, part.domain.grid) {
-            self.outside.add(at);
-        }
     }
 
     /// Judges the area and the angles of a triangle; for `orientation` see [`Part`].
@@ -241,10 +220,4 @@ impl Tally {
 
 fn add<const N: usize>(mine: &mut [u64; N], more: &[u64; N]) {
     mine.iter_mut().zip(more).for_each(|(a, b)| *a += b);
-}
-
-fn is_outside(triangle: &Triangle, grid: [u32; 2]) -> bool {
-    let [low, high] = triangle.bounds();
-    let last = Position::sample(i64::from(grid[0]) - 1, i64::from(grid[1]) - 1);
-    low.col < 0 || low.row < 0 || high.col > last.col || high.row > last.row
 }

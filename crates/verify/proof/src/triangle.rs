@@ -84,12 +84,6 @@ impl Triangle {
         self.positions().iter().all(|p| p.is_sample())
     }
 
-    /// Twice the signed area, in 2^-60 cell; positive when counter-clockwise in (column, row).
-    pub fn double_area(&self) -> i128 {
-        let [a, b, c] = self.positions();
-        super::exact::double_area(a, b, c)
-    }
-
     /// Least and greatest row and column of the corners.
     pub fn bounds(&self) -> [Position; 2] {
         let [a, b, c] = self.positions();

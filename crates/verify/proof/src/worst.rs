@@ -6,10 +6,10 @@
 
 use terrane_base::geom::Rect;
 
-use super::Part;
 use super::bits::{Bits, masks, ones};
 use super::domain::Domain;
 use super::exact::exceeds;
+use super::part::Part;
 use super::sections::{ceil, floor, is_small, sections, strip};
 use super::surface::{Surface, columns};
 use super::tally::{Spot, Tally};

@@ -3,9 +3,8 @@
 use std::mem::size_of;
 
 use super::follow::Stops;
-use super::plumb::position;
+use super::part::{Part, order, position};
 use super::strips::Strips;
-use super::{Part, order};
 use crate::edges::{Corners, Meeting, compare_vertices};
 use crate::exact::double_area;
 use crate::{Position, Tally, Triangle, Vertex};
@@ -26,7 +25,7 @@ pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
         }
     });
     count_kept(part, &is_kept, tally);
-    let mut stops = Stops::new(part, &corners.positions);
+    let mut stops = Stops::new(part.lines, &part.domain, &corners.positions);
     off.retain(|&(at, z)| z.is_none_or(|z| !stops.may_be_post(at, z)));
     off.into_iter().for_each(|(at, _)| tally.off_samples.add(at));
     compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);

@@ -5,7 +5,6 @@
 //! one further along. A vertex on it where there is no point is a post, and has the lowest of the heights that the
 //! lines there have. Heights of posts on lines without heights are not judged.
 
-use super::Part;
 use super::hull::Hull;
 use super::strips::Strips;
 use crate::follow::Line;
@@ -106,23 +105,24 @@ struct Stop {
     has_edge: bool,
 }
 
-/// The vertices of a part on its lines.
+/// The vertices of a domain on lines.
 pub(super) struct Stops<'a> {
-    part: &'a Part<'a>,
+    lines: &'a [Track],
+    domain: &'a Domain,
     /// Sorted by position.
     all: Vec<Stop>,
 }
 
 impl<'a> Stops<'a> {
-    /// Those of these positions, which are sorted and may be more than the part owns.
-    pub(super) fn new(part: &'a Part<'a>, positions: &[Position]) -> Self {
+    /// Those of these positions, which are sorted and may be more than the domain owns.
+    pub(super) fn new(lines: &'a [Track], domain: &'a Domain, positions: &[Position]) -> Self {
         let mut all = Vec::new();
-        if !part.lines.is_empty() {
+        if !lines.is_empty() {
             let mut own = positions.to_vec();
-            own.retain(|&at| part.domain.owns(at));
+            own.retain(|&at| domain.owns(at));
             let strips = Strips::new(own);
-            for (track, line) in part.lines.iter().enumerate() {
-                let steps = line.steps_in(&part.domain);
+            for (track, line) in lines.iter().enumerate() {
+                let steps = line.steps_in(domain);
                 if steps.is_empty() {
                     continue;
                 }
@@ -136,7 +136,7 @@ impl<'a> Stops<'a> {
             }
         }
         all.sort_unstable_by_key(|stop| (stop.at, stop.track));
-        Self { part, all }
+        Self { lines, domain, all }
     }
 
     fn range(&self, at: Position) -> std::ops::Range<usize> {
@@ -147,7 +147,7 @@ impl<'a> Stops<'a> {
     /// True where a vertex of this height may be a post, as no point is there.
     pub(super) fn may_be_post(&self, at: Position, z: f64) -> bool {
         let stops = &self.all[self.range(at)];
-        let heights = stops.iter().filter_map(|stop| self.part.lines[stop.track].height(stop.step));
+        let heights = stops.iter().filter_map(|stop| self.lines[stop.track].height(stop.step));
         !stops.is_empty() && heights.min().map_or(z.fract() == 0.0, |height| height as f64 == z)
     }
 
@@ -156,7 +156,7 @@ impl<'a> Stops<'a> {
         for (from, to) in [(a, b), (b, a)] {
             let range = self.range(from);
             for stop in &mut self.all[range] {
-                let further = self.part.lines[stop.track].place(to);
+                let further = self.lines[stop.track].place(to);
                 stop.has_edge |= further.is_some_and(|step| step > stop.step);
             }
         }
@@ -168,14 +168,14 @@ impl<'a> Stops<'a> {
             tally.on_lines += u64::from(at[0].at.is_sample());
         }
         for stop in &self.all {
-            if !stop.has_edge && stop.step < self.part.lines[stop.track].last {
+            if !stop.has_edge && stop.step < self.lines[stop.track].last {
                 tally.not_followed.add(stop.at);
             }
         }
-        for track in self.part.lines {
+        for track in self.lines {
             let ends = [track.first, track.last].map(|step| sample(track.line.at(step)));
             let ends = &ends[..if ends[0] == ends[1] { 1 } else { 2 }];
-            for &end in ends.iter().filter(|&&end| self.part.domain.owns(end)) {
+            for &end in ends.iter().filter(|&&end| self.domain.owns(end)) {
                 if self.range(end).is_empty() {
                     tally.not_followed.add(end);
                 }

@@ -10,6 +10,7 @@ mod edges;
 mod follow;
 mod hull;
 mod nearest;
+mod part;
 mod place;
 mod plane;
 mod plumb;
@@ -21,41 +22,14 @@ pub use bound::Bound;
 pub use follow::Track;
 pub use hull::{Hull, Wrap};
 pub use nearest::{Nearest, Sought};
+pub use part::{Part, order};
 pub use place::Placer;
 
 use std::mem::size_of;
 
 use super::edges::BYTES_PER_TRIANGLE;
-use super::{Domain, Position, Tally, Triangle};
+use super::{Position, Tally, Triangle};
 use terrane_base::geom::Point;
-
-/// One rectangle of the lattice to check, with all that touches it.
-#[derive(Debug)]
-pub struct Part<'a> {
-    /// The positions it owns.
-    pub domain: Domain,
-    /// Every point that lies in the domain, x and y counted from the corner of the lattice, sorted
-    /// by [`order`].
-    pub points: &'a [Point],
-    /// Every triangle that touches the domain, in any order; others do no harm.
-    pub triangles: &'a [Triangle],
-    /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
-    /// format have no identity.
-    pub vertices: Option<&'a [Position]>,
-    /// The convex hull of all points.
-    pub hull: &'a Hull,
-    /// Largest vertical distance allowed; `None` to measure only.
-    pub bound: Option<Bound>,
-    /// Points that have to be vertices, those of the domain at least, sorted by [`order`].
-    pub kept: &'a [Point],
-    /// Lines that edges have to follow, those that come to the domain at least.
-    pub lines: &'a [Track],
-}
-
-/// The order in which a [`Part`] wants its points: by y, then x, then z.
-pub fn order(point: &Point) -> (i32, i32, i32) {
-    (point.y, point.x, point.z)
-}
 
 /// Bytes [`check`] needs for a domain of `points` points touched by `triangles` triangles, with
 /// `vertices` stored vertices; points, triangles and positions included.

@@ -2,12 +2,12 @@
 
 use std::mem::size_of;
 
-use super::Part;
 use super::bound::Bound;
+use super::part::{Part, position};
 use super::plane::Plane;
 use super::strips::Strips;
 use crate::exact::{double_area, exceeds};
-use crate::{Position, Spot, Tally, Triangle};
+use crate::{Spot, Tally, Triangle};
 use terrane_base::geom::Point;
 
 /// What is known of a point.
@@ -134,11 +134,6 @@ fn bin(found: &Found, bound: Bound) -> usize {
     if found.is_over { bins } else { bin.min(bins - 1) }
 }
 
-/// The position of a point, which is of the lattice.
-pub(super) fn position(point: Point) -> Position {
-    Position::sample(i64::from(point.x), i64::from(point.y))
-}
-
 /// The distance of a height to the plane of a triangle where these are the weights of its corners.
 fn distance(triangle: &Triangle, weights: [i128; 3], z: f64) -> f64 {
     let [a, b, c] = [0, 1, 2].map(|i| weights[i] as f64 * (triangle.corners[i].z - z));
@@ -164,7 +159,7 @@ fn is_beyond(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Vertex;
+    use crate::{Position, Vertex};
     use proptest::prelude::*;
 
     proptest! {

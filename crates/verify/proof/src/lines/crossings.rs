@@ -1,8 +1,8 @@
 //! Pairs of segments that meet where they should not.
 
-use super::exact::{by_ends, meet, upward};
+use super::exact::{Xy, by_ends, meet, upward};
 use super::pieces::{Band, Pieces};
-use super::{Report, Xy};
+use super::report::Report;
 
 /// Segments to a strip, at the mean.
 const TO_A_STRIP: usize = 256;

@@ -2,8 +2,10 @@
 
 use std::cmp::Ordering;
 
-use super::Xy;
 use crate::expansion::Expansion;
+
+/// A position.
+pub(super) type Xy = [f64; 2];
 
 /// A segment with the end of the lesser x (then y) first, and zeros of both signs the same.
 pub(super) fn upward(ends: [Xy; 2]) -> [Xy; 2] {

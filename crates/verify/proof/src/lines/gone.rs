@@ -1,7 +1,8 @@
 //! Whether a ring that is gone could go: a segment between two of its vertices has all others within
 //! the tolerance.
 
-use super::{Distance, Xy};
+use super::exact::Xy;
+use super::measure::Distance;
 
 /// Most distances that are measured for one ring.
 const MOST_LOOKS: u64 = 1 << 25;

@@ -1,6 +1,7 @@
 //! Which vertices of the original those of the result are.
 
-use super::{Distance, Vertices, Xy};
+use super::exact::Xy;
+use super::measure::Distance;
 
 /// Vertices at one position that are tried for one of the result: lines pass few positions so often.
 /// Where that does not do, more are, and all of those of a short part.
@@ -28,6 +29,25 @@ fn bits(value: f64) -> u64 {
 
 fn is_same(p: &[f64; 2], q: &[f64; 2]) -> bool {
     p.map(bits) == q.map(bits)
+}
+
+/// The vertices of a part.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Vertices<'a> {
+    /// x, y and z; z is 0 where there is none.
+    pub points: &'a [[f64; 3]],
+    /// Heights and measures that have to be those of the original, NaN where there is none; empty where
+    /// they are not compared.
+    pub extras: &'a [[f64; 2]],
+    /// The ring that it is a hole of, where that is gone.
+    pub outer: &'a [[f64; 3]],
+}
+
+impl<'a> Vertices<'a> {
+    /// Vertices whose heights and measures are not compared.
+    pub fn of(points: &'a [[f64; 3]]) -> Self {
+        Self { points, ..Self::default() }
+    }
 }
 
 /// A part of the result.

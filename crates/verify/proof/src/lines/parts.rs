@@ -1,10 +1,11 @@
 //! A part beside the one it was made from.
 
-use super::exact::area_sign;
+use super::exact::{Xy, area_sign};
 use super::gone::lies_along_a_segment;
-use super::matching::{Matching, Own};
+use super::matching::{Matching, Own, Vertices};
+use super::measure::Distance;
 use super::pieces::{Kind, Pieces};
-use super::{Distance, Farthest, Report, Xy};
+use super::report::{Farthest, Report};
 
 /// How parts are compared with those they were made from.
 #[derive(Clone, Copy, Debug)]
@@ -27,25 +28,6 @@ pub enum Drops {
     Thin,
     /// Any.
     Any,
-}
-
-/// The vertices of a part.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Vertices<'a> {
-    /// x, y and z; z is 0 where there is none.
-    pub points: &'a [[f64; 3]],
-    /// Heights and measures that have to be those of the original, NaN where there is none; empty where
-    /// they are not compared.
-    pub extras: &'a [[f64; 2]],
-    /// The ring that it is a hole of, where that is gone.
-    pub outer: &'a [[f64; 3]],
-}
-
-impl<'a> Vertices<'a> {
-    /// Vertices whose heights and measures are not compared.
-    pub fn of(points: &'a [[f64; 3]]) -> Self {
-        Self { points, ..Self::default() }
-    }
 }
 
 impl Comparison {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::Xy;
+use super::exact::Xy;
 
 /// A range of x, half-open.
 #[derive(Clone, Copy, Debug, PartialEq)]

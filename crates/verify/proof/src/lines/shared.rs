@@ -1,8 +1,8 @@
 //! Borders that parts share before, and after.
 
-use super::exact::{by_ends, upward};
+use super::exact::{Xy, by_ends, upward};
 use super::pieces::{Band, Kind, Piece, Pieces};
-use super::{Report, Xy};
+use super::report::Report;
 
 /// Counts, in a band, segments of the original that several parts shared and that different segments
 /// have replaced (a border is torn apart), and segments of the result that replace different stretches

@@ -5,9 +5,9 @@
 //!
 //! Measured, against rays: 10.6 million vertices from 29 to 13.5 s of CPU, and from 2.0 GiB to 216 MiB.
 
-use super::exact::{in_box, side};
+use super::exact::{Xy, in_box, side};
 use super::pieces::{Band, Kind, Piece, Pieces};
-use super::{Report, Xy};
+use super::report::Report;
 
 /// Positions to a strip, at the mean.
 const TO_A_STRIP: usize = 64;

@@ -1,10 +1,10 @@
 //! Borders: the steps that heights are whole numbers of, the vertices of a side, and gaps between two sides.
 
-use super::decode::{LAST, Tile};
+use super::decode::Tile;
 use super::ellipsoid::{Meridian, Parallel, Vector, dot, minus};
 use super::fault::{Fault, Faults};
 use super::structure::along;
-use super::tiling::{Side, TileId};
+use super::tiling::{LAST, Side, TileId};
 
 /// True for 2^k.
 fn is_power_of_two(value: f64) -> bool {

@@ -54,6 +54,14 @@ impl About {
     }
 }
 
+impl Tile {
+    /// What it says of itself, but its error.
+    pub fn about(&self) -> About {
+        let heights = self.heights.map(f64::from);
+        About { heights, sphere: self.sphere, horizon: self.horizon, error: f64::NAN }
+    }
+}
+
 /// Holds all of the triangles of a tile, and of its skirt, to be between the heights that are said of it: the heights of
 /// corners, of the middles of sides, and of the middle. They say so of no more than their triangles may reach, to two
 /// steps of the lattice of coordinates.

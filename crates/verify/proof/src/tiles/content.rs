@@ -8,12 +8,12 @@
 //! Compressed tiles have positions in whole steps, or in parts of 65,535 of a multiple of it (which is taken for the
 //! step, exactly), and normals in bytes.
 
-use super::decode::{LAST, Tile};
+use super::decode::Tile;
 use super::ellipsoid::{Meridian, Parallel, Vector, dot, length, minus, plus};
 use super::fault::Fault;
 use super::glb::{Attributes, Edges, File, Numbers, bad, refuse};
 use super::skirt::{Apart, Skirt};
-use super::tiling::{Side, TileId};
+use super::tiling::{LAST, Side, TileId};
 use terrane_base::error::Result;
 
 /// Metres that computing a place may be off by.

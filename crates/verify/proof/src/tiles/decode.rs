@@ -1,14 +1,10 @@
 //! One tile from its bytes (quantized-mesh 1.0, little-endian, unpacked). What cannot be read so is an error with
 //! the byte where it is; whether what is read makes sense is for [`structure`](super::structure).
 
-use super::contain::About;
 use super::fault::Fault;
 use super::skirt::Skirt;
-use super::tiling::{Side, TileId};
+use super::tiling::{LAST, Side, TileId};
 use terrane_base::error::{Error, Result};
-
-/// The largest u, v and height of a vertex.
-pub const LAST: u16 = 32_767;
 
 /// Most vertices with indices of 16 bits.
 const MOST_SHORT: usize = 1 << 16;
@@ -75,12 +71,6 @@ impl Tile {
     pub fn height(&self, vertex: [u16; 3]) -> f64 {
         let [low, high] = self.heights.map(f64::from);
         low + f64::from(vertex[2]) * (high - low) / f64::from(LAST)
-    }
-
-    /// What it says of itself, but its error.
-    pub fn about(&self) -> About {
-        let heights = self.heights.map(f64::from);
-        About { heights, sphere: self.sphere, horizon: self.horizon, error: f64::NAN }
     }
 
     /// Longitude and latitude of a vertex in degrees.

@@ -24,14 +24,14 @@ mod water;
 pub use border::{Chain, gap, lattice};
 pub use contain::{About, between, contain, lowest, tight};
 pub use content::{Content, Said};
-pub use decode::{LAST, Tile};
+pub use decode::Tile;
 pub use ellipsoid::{Meridian, Parallel, position};
 pub use facets::{BYTES_PER_VERTEX, Facets, Seen};
 pub use fault::{Check, Count, Fault, Faults};
 pub use skirt::Skirt;
 pub use structure::structure;
 pub use subtree::{MOST_SUBTREE_LEVELS, Schema, Subtree};
-pub use tiling::{MOST_LEVEL, Side, TileId, columns, rows};
+pub use tiling::{LAST, MOST_LEVEL, Side, TileId, columns, rows};
 pub use water::{Bank, Pixels, Shore, UNCLEAR};
 
 /// What clients take for the error of level 0, in metres; each level has half of the one before.

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::decode::LAST;
 use super::ellipsoid::Vector;
+use super::tiling::LAST;
 
 /// A vertex: steps from the west and the south, and its height in steps of the level.
 type Place = ([u16; 2], f64);

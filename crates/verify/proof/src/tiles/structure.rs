@@ -4,10 +4,10 @@
 //! from vertex to vertex: such a mesh covers the square some whole number of times, and its area says that this
 //! is once.
 
-use super::decode::{LAST, Tile};
+use super::decode::Tile;
 use super::ellipsoid::{Meridian, Parallel, dot};
 use super::fault::{Fault, Faults};
-use super::tiling::{Side, TileId};
+use super::tiling::{LAST, Side, TileId};
 
 /// Looks at a tile by itself. O(n log n).
 pub fn structure(id: TileId, tile: &Tile, faults: &mut Faults) {

@@ -5,6 +5,9 @@ use std::fmt;
 /// The finest level there may be: all borders of tiles are exact in `f64`, and columns fit in 32 bits.
 pub const MOST_LEVEL: u8 = 30;
 
+/// The largest u, v and height of a vertex.
+pub const LAST: u16 = 32_767;
+
 /// A tile by its level, column and row. Sorted by level, then row from the south, then column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TileId {

@@ -1,0 +1,101 @@
+//! What is checked at a time: a rectangle of samples, with all that touches it.
+
+use super::domain::Domain;
+use super::follow::Line;
+use super::sections::floor;
+use super::snap::Precision;
+use super::surface::Surface;
+use super::tally::Tally;
+use super::triangle::{Position, Triangle};
+
+/// One rectangle of samples to check, with all that touches it.
+#[derive(Debug)]
+pub struct Part<'a> {
+    /// The samples it owns, in the grid they belong to.
+    pub domain: Domain,
+    /// Heights of [`Domain::apron`], row by row, NaN where void.
+    pub heights: &'a [f64],
+    /// Every triangle that touches the domain, in any order; others do no harm.
+    pub triangles: &'a [Triangle],
+    /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
+    /// format have no identity.
+    pub vertices: Option<&'a [Position]>,
+    /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
+    pub kept: &'a [Position],
+    /// Breaklines that may come to the domain; others do no harm.
+    pub lines: &'a [Line],
+    /// What the angles of triangles are held to, if anything.
+    pub min_angle: Option<AngleBound>,
+    /// How the mesh stores heights.
+    pub precision: Precision,
+    /// Vertices inside the surface may have other heights than their samples.
+    pub is_fitted: bool,
+    /// Largest allowed vertical distance; `None` to measure only.
+    pub tolerance: Option<f64>,
+    /// +1 when a triangle that is counter-clockwise in the world is so in (column, row) axes too,
+    /// -1 when it is clockwise there (a north-up grid).
+    pub orientation: i128,
+}
+
+impl Part<'_> {
+    /// True when a vertex at an owned position is a valid sample, with its height as the format holds it. Fitted
+    /// heights may be others inside the surface, not on its outline.
+    pub(crate) fn is_sample(&self, at: Position, z: f64, surface: &Surface) -> bool {
+        let is_free = self.is_fitted && surface.is_inside(at);
+        let is_right =
+            |height: f64| if is_free { !height.is_nan() } else { self.precision.is(z, height) };
+        self.sample(at).is_some_and(is_right)
+    }
+
+    /// The height of the sample at a position that is owned, if one is there; NaN where it is void.
+    pub(crate) fn sample(&self, at: Position) -> Option<f64> {
+        let apron = self.domain.apron();
+        let inside = |fixed: i64, first: u32, count: u32| {
+            let cells = usize::try_from(floor(fixed) - i64::from(first)).ok();
+            cells.filter(|&cells| cells < count as usize)
+        };
+        let col = inside(at.col, apron.col, apron.width);
+        let row = inside(at.row, apron.row, apron.height);
+        let place = row.zip(col).map(|(row, col)| row * apron.width as usize + col);
+        place.filter(|_| at.is_sample()).and_then(|place| self.heights.get(place).copied())
+    }
+    /// Judges a triangle by itself, when the part owns it (its first corner).
+    pub(crate) fn triangle(&self, triangle: &Triangle, tally: &mut Tally) {
+        let at = triangle.corners[0].at;
+        if !self.domain.owns(at) {
+            return;
+        }
+        tally.shape(triangle, self.orientation);
+        if self.min_angle.is_some_and(|bound| bound.is_broken_by(triangle)) {
+            tally.thin.add(at);
+        }
+        if triangle.double_area() != 0 && is_outside(triangle, self.domain.grid) {
+            tally.outside.add(at);
+        }
+    }
+}
+
+/// The smallest angle that triangles may have in plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AngleBound {
+    /// In degrees.
+    pub degrees: f64,
+    /// By how much x and y change along a column's step (x first), and along a row's.
+    pub steps: [[f64; 2]; 2],
+}
+
+impl AngleBound {
+    /// Degrees that are rounding.
+    const ROUNDING: f64 = 1e-7;
+
+    /// True when a triangle has a smaller one.
+    pub fn is_broken_by(&self, triangle: &Triangle) -> bool {
+        triangle.smallest_angle_in(self.steps) < self.degrees - Self::ROUNDING
+    }
+}
+
+fn is_outside(triangle: &Triangle, grid: [u32; 2]) -> bool {
+    let [low, high] = triangle.bounds();
+    let last = Position::sample(i64::from(grid[0]) - 1, i64::from(grid[1]) - 1);
+    low.col < 0 || low.row < 0 || high.col > last.col || high.row > last.row
+}
