@@ -3,10 +3,12 @@
 
 use std::path::Path;
 
-use serde::Serialize;
-
-use super::report::{Place, VerifyReport};
-use super::{Asked, MeshProof, Proving, tolerance, verify};
+use super::context::Asked;
+use super::found::{FaultReport, NO_BOUND};
+use super::options::{AskedBands, MeshProof, Proving};
+use super::parts::verify;
+use super::report::{BandProof, OfGrid, VerifyReport};
+use super::stated::tolerance;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
 use terrane_engine::bands::{Bands, Joined, label};
@@ -15,36 +17,6 @@ use terrane_engine::proof::Verdict;
 use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
 use terrane_raster::GridSource;
-
-/// Bands that a mesh is to be held to.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct AskedBands {
-    /// Numbers, from 1, in the order of the mesh's channels.
-    pub bands: Vec<u32>,
-    /// A weight for each; those that the mesh states where there are none, and 1 where it states none.
-    pub weights: Vec<f64>,
-    /// The band that heights are of; what the mesh states when `None`.
-    pub heights: Option<u32>,
-}
-
-/// What was found of a band.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct BandProof {
-    /// Its number, from 1.
-    pub band: u32,
-    /// What errors in it are multiplied by.
-    pub weight: f64,
-    /// The largest difference allowed: the tolerance divided by the weight.
-    pub tolerance: Option<f64>,
-    /// The largest difference found, not multiplied.
-    pub max_error: Option<f64>,
-    /// Where it is.
-    pub max_error_at: Option<Place>,
-    /// Root mean square of the differences.
-    pub rmse: Option<f64>,
-    /// Samples further off than allowed (decided exactly, closed <=).
-    pub over: u64,
-}
 
 /// A mesh and a job that names bands.
 pub(super) struct Proof<'a> {
@@ -108,7 +80,7 @@ impl Proof<'_> {
             };
             let report = whole.get_or_insert_with(|| VerifyReport {
                 verdict: Verdict::default(),
-                over_tolerance: super::FaultReport::default(),
+                over_tolerance: FaultReport::default(),
                 ..found.clone()
             });
             add(report, &found, proof);
@@ -153,10 +125,10 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
     let (max_error, max_error_at) =
         worst.map_or((None, None), |(error, proof)| (Some(error), proof.max_error_at));
     let mut not_judged = Vec::new();
-    not_judged.extend(tolerance.is_none().then(|| super::NO_BOUND.to_owned()));
+    not_judged.extend(tolerance.is_none().then(|| NO_BOUND.to_owned()));
     not_judged.extend((!heights_known).then(|| "its heights (‹band›)".to_owned()));
     let verdict = Verdict::of(report.verdict.failures.clone(), not_judged);
-    let of = super::OfGrid { surface_error: None, surface_error_at: None, breaks: 0, ..report.of };
+    let of = OfGrid { surface_error: None, surface_error_at: None, breaks: 0, ..report.of };
     VerifyReport {
         of,
         verdict,

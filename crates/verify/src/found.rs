@@ -2,12 +2,14 @@
 
 use serde::Serialize;
 
-use super::NO_BOUND;
 use super::vertices::VertexCounts;
 use terrane_engine::figures::Figures;
 use terrane_engine::proof::Verdict;
 use terrane_mesh::{MeshInfo, Promises};
 use terrane_proof::{Fault, Position, Tally};
+
+/// What a report says where no bound is known.
+pub(super) const NO_BOUND: &str = "the error, as no bound is known (‹max_error›)";
 
 /// How often a fault was found, and the first place in the order of what the mesh is held against.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]

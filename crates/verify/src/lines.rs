@@ -22,7 +22,6 @@ mod findings;
 mod own;
 mod pairs;
 
-use std::path::PathBuf;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -30,6 +29,7 @@ use serde::Serialize;
 
 use self::findings::Findings;
 use self::pairs::{Compared, Pairs};
+use super::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::Xy;
 use terrane_base::geom::{Crs, wkt};
@@ -38,31 +38,8 @@ use terrane_engine::memory::PROGRAM;
 use terrane_engine::proof::Verdict;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_proof::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
-use terrane_simplify::{Length, Measure, goal_of, on_threads, positions};
+use terrane_simplify::{Measure, goal_of, on_threads, positions};
 use terrane_vector::{self as vector, OpenOptions};
-
-/// Simplified lines to be proven.
-#[derive(Clone, Debug)]
-pub struct LineVerifyJob {
-    /// The simplified lines.
-    pub lines: PathBuf,
-    /// What they were made from.
-    pub original: PathBuf,
-    /// The object of a TopoJSON original; its first one when `None`.
-    pub layer: Option<String>,
-    /// Largest allowed distance; only measured when `None`.
-    pub tolerance: Option<Length>,
-    /// Heights take part in distances.
-    pub is_space: bool,
-    /// Crossings, rings, sides and borders are judged, too.
-    pub topology: bool,
-    /// Rings that have no room within the tolerance may be gone.
-    pub may_drop: bool,
-    /// Points that had to stay on their side.
-    pub sides: Option<PathBuf>,
-    /// What the job may use.
-    pub resources: Resources,
-}
 
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -4,18 +4,13 @@ use std::path::PathBuf;
 
 use terrane_options::{Choice, Options, Range, Rule};
 
-use super::cloud::verify_cloud;
-use super::{
-    AskedBands, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyReport, run, verify_lines,
-};
 use terrane_base::bound::Bound;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
+use terrane_engine::Resources;
 use terrane_engine::bands::Bands;
 use terrane_engine::options::Constraints;
 use terrane_engine::options::{BoundName, CloudInput, FeatureInput, FileName, GridInput};
-use terrane_engine::proof::{Proof, Verdict, Written};
-use terrane_engine::{Cancel, Progress, Resources};
-use terrane_files::path_of;
+use terrane_engine::proof::Written;
 use terrane_simplify::{Length, LengthText, Metric};
 
 /// A proof as it is asked for.
@@ -23,6 +18,17 @@ use terrane_simplify::{Length, LengthText, Metric};
 pub(super) struct Proving<'a, O> {
     pub(super) written: &'a Written,
     pub(super) options: &'a O,
+}
+
+/// Bands that a mesh is to be held to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AskedBands {
+    /// Numbers, from 1, in the order of the mesh's channels.
+    pub bands: Vec<u32>,
+    /// A weight for each; those that the mesh states where there are none, and 1 where it states none.
+    pub weights: Vec<f64>,
+    /// The band that heights are of; what the mesh states when `None`.
+    pub heights: Option<u32>,
 }
 
 /// Prove a mesh against the grid it was made from
@@ -113,6 +119,29 @@ pub struct LineProof {
     pub resources: Resources,
 }
 
+/// Simplified lines to be proven.
+#[derive(Clone, Debug)]
+pub struct LineVerifyJob {
+    /// The simplified lines.
+    pub lines: PathBuf,
+    /// What they were made from.
+    pub original: PathBuf,
+    /// The object of a TopoJSON original; its first one when `None`.
+    pub layer: Option<String>,
+    /// Largest allowed distance; only measured when `None`.
+    pub tolerance: Option<Length>,
+    /// Heights take part in distances.
+    pub is_space: bool,
+    /// Crossings, rings, sides and borders are judged, too.
+    pub topology: bool,
+    /// Rings that have no room within the tolerance may be gone.
+    pub may_drop: bool,
+    /// Points that had to stay on their side.
+    pub sides: Option<PathBuf>,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
 /// What may have become of rings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Gone {
@@ -141,74 +170,5 @@ impl MeshProof {
 impl CloudMeshProof {
     pub(super) fn tolerance(&self) -> Option<f64> {
         self.max_error.map(f64::abs)
-    }
-}
-
-impl Proof for MeshProof {
-    const OF: &'static str = "meshes of grids";
-    type Report = VerifyReport;
-
-    fn prove(
-        &self,
-        written: &Written,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<VerifyReport> {
-        run(&Proving { written, options: self }, progress, cancel)
-    }
-
-    fn verdict(report: &VerifyReport) -> &Verdict {
-        &report.verdict
-    }
-}
-
-impl Proof for CloudMeshProof {
-    const OF: &'static str = "meshes of point clouds";
-    type Report = CloudVerifyReport;
-
-    fn prove(
-        &self,
-        written: &Written,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<CloudVerifyReport> {
-        verify_cloud(&Proving { written, options: self }, progress, cancel)
-    }
-
-    fn verdict(report: &CloudVerifyReport) -> &Verdict {
-        &report.verdict
-    }
-}
-
-impl Proof for LineProof {
-    const OF: &'static str = "simplified lines";
-    type Report = LineVerifyReport;
-
-    fn prove(
-        &self,
-        written: &Written,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<LineVerifyReport> {
-        let [original] = written.original.names() else {
-            return Err(Error::usage("lines are proved against one file")
-                .remedy("name the file that they were made from"));
-        };
-        let job = LineVerifyJob {
-            lines: written.file.clone(),
-            original: path_of(original).into_owned(),
-            layer: self.features.layer.clone(),
-            tolerance: self.tolerance,
-            is_space: self.metric == Metric::Space,
-            topology: self.topology,
-            may_drop: self.collapse == Some(Gone::Drop),
-            sides: self.sides.clone(),
-            resources: self.resources.clone(),
-        };
-        verify_lines(&job, progress, cancel)
-    }
-
-    fn verdict(report: &LineVerifyReport) -> &Verdict {
-        &report.verdict
     }
 }

@@ -1,19 +1,23 @@
-//! The passes over a mesh and its grid: the mesh into buckets by domain, then one domain after the
+//! Proof of a mesh against a grid, in passes: the mesh into buckets by domain, then one domain after the
 //! other.
 
 use std::sync::Mutex;
+use std::time::Instant;
 
-use super::spread::Spread;
-use super::{Context, Work};
+use super::context::{Asked, Context};
+use super::report::{VerifyReport, report};
+use super::spread::{MOST_TRIANGLES, Spread};
+use super::work::Work;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_engine::workers;
+use terrane_engine::{Cancel, Progress, Resources, workers};
 use terrane_files::lock;
+use terrane_mesh::MeshSource;
 use terrane_proof::{
     self as proof, AngleBound, Domain, Followed, Layout, Line, Open, Part, Position, Surface,
     Tally, Triangle,
 };
-use terrane_raster::GridInfo;
+use terrane_raster::{GridInfo, GridSource};
 
 /// Most samples of a domain: with their errors they should stay near the processor.
 const MOST_SAMPLES: u64 = 1 << 18;
@@ -21,6 +25,31 @@ const MOST_SAMPLES: u64 = 1 << 18;
 const STRIP_ROWS: u64 = 256;
 /// Domains for each thread, at least, where the grid is large enough.
 const SHARES: u64 = 4;
+
+/// Proves `mesh` against `grid`. The error between samples is measured whatever the `bound` is. A caller's
+/// caches of both are not part of the memory budget, of which this takes about half.
+///
+/// Errors: a tolerance that is no number, a grid whose map has no inverse, a triangle that refers
+/// to a vertex there is not, too little memory, and everything the sources report.
+pub fn verify(
+    mesh: &dyn MeshSource,
+    grid: &dyn GridSource,
+    asked: Asked<'_>,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VerifyReport> {
+    let start = Instant::now();
+    let mut work = Work::new(mesh, asked.tolerance, resources, progress, cancel)?;
+    work.set_aside(asked.kept.bytes());
+    let context = Context::new(work, grid, asked)?;
+    let spread = fill(&context)?;
+    let tally = check(&context, &spread)?;
+    let mut report = report(&context, &spread.counts, spread.broken, &tally);
+    report.run = context.work.figures(start, resources, spread.bytes());
+    report.of.samples_per_second = report.run.rate(report.of.samples);
+    Ok(report)
+}
 
 /// Divides the grid so that a domain of average density takes half of a thread's memory. On a grid
 /// stored in strips domains are as wide as the grid if they can, so that strips are decoded once.
@@ -61,7 +90,7 @@ fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
 const INDEX_BYTES: u64 = 128;
 
 /// Spreads the mesh over the domains of the grid.
-pub(super) fn fill(context: &Context<'_>) -> Result<Spread> {
+fn fill(context: &Context<'_>) -> Result<Spread> {
     Spread::fill(&context.work, &context.snapper, divided(context)?)
 }
 
@@ -74,7 +103,7 @@ pub(super) fn divided(context: &Context<'_>) -> Result<Layout> {
 }
 
 /// Checks every domain.
-pub(super) fn check(context: &Context<'_>, spread: &Spread) -> Result<Tally> {
+fn check(context: &Context<'_>, spread: &Spread) -> Result<Tally> {
     let judge = |part: &Part<'_>, tally: &mut Tally| {
         let open = proof::check(part, tally);
         open.into_iter().try_for_each(|open| follow(context, &spread.layout, open, tally))
@@ -249,9 +278,6 @@ fn follow(context: &Context<'_>, layout: &Layout, mut open: Open, tally: &mut Ta
         }
     }
 }
-
-/// Triangles of a part are numbered with their corners in `u32`.
-pub(super) const MOST_TRIANGLES: u64 = 1 << 30;
 
 fn too_crowded(work: &Work<'_>, domain: Domain, [triangles, lines, need]: [u64; 3]) -> Error {
     let Rect { col, row, width, height } = domain.rect;

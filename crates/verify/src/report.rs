@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use super::Context;
-use super::bands::BandProof;
+use super::context::Context;
 use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original};
 use super::vertices::VertexCounts;
 use terrane_base::bound::Bound;
@@ -20,6 +19,25 @@ pub struct Place {
     pub row: f64,
     pub x: f64,
     pub y: f64,
+}
+
+/// What was found of a band.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct BandProof {
+    /// Its number, from 1.
+    pub band: u32,
+    /// What errors in it are multiplied by.
+    pub weight: f64,
+    /// The largest difference allowed: the tolerance divided by the weight.
+    pub tolerance: Option<f64>,
+    /// The largest difference found, not multiplied.
+    pub max_error: Option<f64>,
+    /// Where it is.
+    pub max_error_at: Option<Place>,
+    /// Root mean square of the differences.
+    pub rmse: Option<f64>,
+    /// Samples further off than allowed (decided exactly, closed <=).
+    pub over: u64,
 }
 
 /// Result of [`verify`](super::verify): areas are in cells, angles on the lattice (as if cells were

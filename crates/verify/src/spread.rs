@@ -3,13 +3,16 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::Work;
 use super::vertices::{VertexCache, VertexCounts};
+use super::work::Work;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_engine::workers;
 use terrane_files::{Buckets, Writer, lock};
 use terrane_proof::{Layout, Position, Snap, Triangle};
+
+/// Triangles of a part are numbered with their corners in `u32`.
+pub(super) const MOST_TRIANGLES: u64 = 1 << 30;
 
 /// Triangles a worker takes at a time.
 const BATCH: u64 = 2048;

@@ -1,7 +1,7 @@
 //! Squares of a plane that has no blocks of its own, and records spread over pieces of one that is too
 //! crowded.
 
-use super::Work;
+use super::work::Work;
 use terrane_base::error::Result;
 use terrane_files::Buckets;
 use terrane_proof::{Domain, Layout};

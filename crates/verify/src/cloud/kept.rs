@@ -1,7 +1,7 @@
 //! What a mesh of a cloud has to keep, sought anew: the points nearest to positions, and lines as far as they are over
 //! the hull, by domain.
 
-use super::Context;
+use super::context::Context;
 use super::points::{SpreadPoints, position};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;

@@ -7,6 +7,7 @@
 //! point is judged in `i128`. The outline and the area of the mesh must be those of the convex hull,
 //! which is gathered anew while the points are read.
 
+mod context;
 mod kept;
 mod parts;
 mod points;
@@ -19,16 +20,16 @@ use std::time::Instant;
 
 use super::header::{Header, judge_bounds};
 use super::options::{CloudMeshProof, Proving};
-use super::{Work, is_delaunay, leave_files, open_mesh, stated, tolerance};
-use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Point;
+use super::spread::Spread;
+use super::stated::{leave_files, open_mesh, stated, tolerance};
+use super::work::Work;
+use context::{Context, no_surface, surface_bounds};
+use terrane_base::error::{ErrorKind, Result};
 use terrane_cloud::{self as cloud, PointSource};
 use terrane_engine::kept::Features;
 use terrane_engine::memory::with_polygons;
-use terrane_engine::on_cloud::OnCloud;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_mesh::{MeshSource, Promises};
-use terrane_proof::cloud::{Bound, Placer};
+use terrane_mesh::MeshSource;
 
 pub use report::{CloudVerifyReport, OfCloud};
 
@@ -111,71 +112,11 @@ pub fn prove_cloud(
     let hull = points.hull.as_ref().ok_or_else(no_surface)?;
     let kept = kept::KeptOn::new(&context, &points, hull, layout)?;
     context.work.set_aside(kept.bytes());
-    let spread = super::spread::Spread::fill(&context.work, &context.placer, layout)?;
+    let spread = Spread::fill(&context.work, &context.placer, layout)?;
     let (tally, again) = parts::check(&context, &points, hull, &spread, &kept)?;
     let mut report = report::report(&context, &points, hull, &spread, &kept, &tally)?;
     let spilled = points.bytes() + spread.bytes() + again;
     report.run = context.work.figures(start, resources, spilled);
     report.of.points_per_second = report.run.rate(report.of.points.read);
     Ok(report)
-}
-
-/// What every pass over a cloud needs to know.
-struct Context<'a> {
-    work: Work<'a>,
-    source: &'a dyn PointSource,
-    /// Lowest and highest coordinates of all points.
-    bounds: [Point; 2],
-    placer: Placer,
-    tolerance: Option<f64>,
-    bound: Option<Bound>,
-    kept: OnCloud,
-    /// What the mesh states.
-    stated: Promises,
-    /// It states no triangulation that is not Delaunay.
-    is_delaunay: bool,
-    /// The mesh has posts on lines that are not given.
-    has_posts: bool,
-}
-
-impl<'a> Context<'a> {
-    fn new(
-        mut work: Work<'a>,
-        source: &'a dyn PointSource,
-        tolerance: Option<f64>,
-        features: Features,
-    ) -> Result<Self> {
-        let bounds = surface_bounds(source)?;
-        let kept = features.on_cloud(source.info(), bounds)?;
-        work.set_aside(kept.bytes());
-        let stated = work.mesh.info().promises()?;
-        let is_delaunay = is_delaunay(&stated)?;
-        let has_posts = !kept.has_lines() && stated.breaklines.is_some();
-        let (frame, mesh) = (source.info().frame, work.mesh.info());
-        let reach = kept.and_heights(bounds);
-        let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
-        let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
-        Ok(Self {
-            work,
-            source,
-            bounds,
-            placer,
-            tolerance,
-            bound,
-            kept,
-            stated,
-            is_delaunay,
-            has_posts,
-        })
-    }
-}
-
-/// The bounds of a cloud that may have a surface.
-fn surface_bounds(source: &dyn PointSource) -> Result<[Point; 2]> {
-    source.info().bounds.ok_or_else(no_surface)
-}
-
-fn no_surface() -> Error {
-    Error::bad_input("the points have no surface: fewer than three, or all on a line")
-        .remedy("look at the filters, or at the files with `terrane info`")
 }

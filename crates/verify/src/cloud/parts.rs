@@ -6,11 +6,10 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::Context;
+use super::context::Context;
 use super::kept::KeptOn;
 use super::points::{SpreadPoints, position};
-use crate::parts::MOST_TRIANGLES;
-use crate::spread::Spread;
+use crate::spread::{MOST_TRIANGLES, Spread};
 use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};

@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use super::Context;
+use super::context::Context;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::Census;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::Context;
+use super::context::Context;
 use super::kept::KeptOn;
 use super::points::SpreadPoints;
 use crate::found::{FaultReport, Findings, MeshReport, Original, area};

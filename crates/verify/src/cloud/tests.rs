@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::*;
 use few::Few;
-use terrane_base::geom::{Frame, Point3};
+use terrane_base::geom::{Frame, Point, Point3};
 use terrane_cloud::OpenOptions;
 use terrane_engine::Silent;
 use terrane_engine::figures::Figures;

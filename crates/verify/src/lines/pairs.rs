@@ -3,10 +3,10 @@
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::path::Path;
 
-use super::LineVerifyJob;
 use super::attributes::{Facts, Rules, shown};
 use super::findings::Findings;
 use super::own::{Own, OwnPart, Placed, beside, key};
+use crate::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, short};
 use terrane_engine::{Cancel, Progress};

@@ -11,7 +11,8 @@ mod slopes;
 
 use std::path::Path;
 
-use super::{LEAST_MEMORY, Work, check_grid};
+use super::context::check_grid;
+use super::work::{LEAST_MEMORY, Work};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_engine::ground::Ground;

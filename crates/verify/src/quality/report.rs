@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::Place;
+use crate::report::Place;
 use terrane_proof::Position;
 use terrane_proof::quality::{Angles, Pairs, Quality};
 use terrane_proof::slope::Slopes;

@@ -2,10 +2,9 @@
 
 use std::sync::Mutex;
 
-use super::Work;
-use crate::parts::MOST_TRIANGLES;
-use crate::spread::{Reach, Spread};
+use crate::spread::{MOST_TRIANGLES, Reach, Spread};
 use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
+use crate::work::Work;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::workers;

@@ -1,10 +1,11 @@
 //! The slopes of a grid, rectangle by rectangle, and those of the triangles over them.
 
 use super::report::SlopeReport;
+use crate::context::{Asked, Context};
 use crate::parts;
 use crate::report::place;
 use crate::spread::{Reach, Spread};
-use crate::{Asked, Context, Work};
+use crate::work::Work;
 use terrane_base::error::Result;
 use terrane_engine::ground::Ground;
 use terrane_proof::slope::{self, Slopes};

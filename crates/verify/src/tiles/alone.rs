@@ -6,8 +6,9 @@ use serde::Deserialize;
 
 use super::below::Below;
 use super::cache::Cache;
+use super::context::{Context, decoded};
+use super::folder;
 use super::layer::Range;
-use super::{Context, decoded, folder};
 use terrane_base::error::{Error, Result};
 use terrane_engine::workers;
 use terrane_files::lock;

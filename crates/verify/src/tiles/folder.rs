@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 
 use flate2::bufread::GzDecoder;
 
-use super::layer::NAME;
 use super::room::Room;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
 use terrane_proof::tiles::{MOST_LEVEL, Tile, TileId};
+
+/// The name of the file that describes a set.
+pub(super) const NAME: &str = "layer.json";
 
 /// The ending of tiles.
 const ENDING: &str = ".terrain";

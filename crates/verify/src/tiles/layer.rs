@@ -6,16 +6,13 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::room::Room;
+use super::folder::NAME;
+use super::level::{Level, check_levels};
 use super::three::{self, Three};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_engine::Cancel;
 use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, TileId};
 use terrane_tiles::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
-
-/// The name of the file.
-pub(super) const NAME: &str = "layer.json";
 
 /// A file as it is written.
 #[derive(Debug, Deserialize)]
@@ -54,18 +51,6 @@ struct Own {
     heights: Option<String>,
 }
 
-/// A level as terrane says of its own sets.
-#[derive(Clone, Copy, Debug, Deserialize)]
-pub(super) struct Level {
-    level: u8,
-    pub(super) tolerance: f64,
-    pub(super) step: f64,
-    pub(super) lattice: Option<f64>,
-    pub(super) skirt: Option<f64>,
-    pub(super) error: f64,
-    pub(super) tiles: u64,
-}
-
 /// What a set of tiles promises.
 #[derive(Debug)]
 pub(super) struct Layer {
@@ -102,33 +87,7 @@ pub(super) enum Kind {
     ThreeTiles(Three),
 }
 
-/// Where the file of a set would be: the path itself, or in it where that is a folder.
-pub(super) fn place(path: &Path) -> PathBuf {
-    match path.is_dir() {
-        true if path.join(three::NAME).is_file() && !path.join(NAME).exists() => {
-            path.join(three::NAME)
-        }
-        true => path.join(NAME),
-        false => path.to_path_buf(),
-    }
-}
-
 impl Layer {
-    /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, for
-    /// whose tiles there has to be room.
-    ///
-    /// # Errors
-    /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
-    /// projection; levels beyond the finest there may be.
-    pub(super) fn read(path: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
-        let path = place(path);
-        if path.file_name().is_some_and(|name| name == three::NAME) {
-            return three::read(&path, room, cancel);
-        }
-        let stored = stored(&path).map_err(|e| e.in_file(&path))?;
-        stored.layer(&path).map_err(|e| e.in_file(&path))
-    }
-
     /// The tolerance of a level in metres: what it states, or else what clients assume.
     pub(super) fn tolerance(&self, level: u8) -> f64 {
         self.own(level).map_or(self.assumed(level), |own| own.tolerance)
@@ -206,12 +165,17 @@ pub(super) fn text_of(path: &Path) -> Result<Vec<u8>> {
     Ok(text)
 }
 
-fn stored(path: &Path) -> Result<Stored> {
+/// Reads `layer.json`.
+///
+/// # Errors
+/// As [`Layer::read`], but without the file.
+pub(super) fn read(path: &Path) -> Result<Layer> {
     let text = text_of(path)?;
-    serde_json::from_slice(&text).map_err(|e| {
+    let stored: Stored = serde_json::from_slice(&text).map_err(|e| {
         Error::bad_input(format!("does not describe a set of terrain tiles: {e}"))
             .remedy("name the folder of a set, or its layer.json")
-    })
+    })?;
+    stored.layer(path)
 }
 
 impl Stored {
@@ -327,26 +291,5 @@ pub(super) fn check_heights(heights: Option<&str>) -> Result<Option<bool>> {
             Err(Error::unsupported(message).remedy(format!("known are: {}", known.join("; "))))
         }
         _ => Ok(heights.map(|heights| heights == WITH_GEOID)),
-    }
-}
-
-/// What terrane says of levels: each once, down to the finest, and numbers that can be.
-pub(super) fn check_levels(mut levels: Vec<Level>, finest: u8) -> Result<Vec<Level>> {
-    levels.sort_by_key(|level| level.level);
-    let is_each = levels.iter().map(|level| level.level).eq(0..=finest);
-    if !is_each {
-        return Err(Error::bad_input("does not state each of its levels once"));
-    }
-    let numbers = |own: &Level| {
-        let [lattice, skirt] = [own.lattice, own.skirt].map(Option::unwrap_or_default);
-        [own.tolerance, own.step, lattice, skirt, own.error]
-    };
-    let is_bad = |value: &f64| !value.is_finite() || *value < 0.0;
-    match levels.iter().find(|own| numbers(own).iter().any(is_bad)) {
-        Some(own) => Err(Error::bad_input(format!(
-            "states a tolerance, step, skirt or error of level {} that is none",
-            own.level
-        ))),
-        None => Ok(levels),
     }
 }

@@ -7,48 +7,52 @@
 mod alone;
 mod below;
 mod cache;
+mod context;
 mod folder;
 mod layer;
+mod level;
 mod options;
 mod place;
+mod proofs;
 mod report;
 mod room;
 mod shore;
 mod sweep;
 mod three;
+mod tileset;
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use self::context::Context;
 use self::folder::Tiles;
 use self::layer::{Kind, Layer};
 use self::place::Places;
-use self::room::{Divided, Room};
+use self::room::Room;
+use super::context::check_grid;
 use super::options::Proving;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::{cache_beside, too_little, with_polygons};
 use terrane_engine::options::GridInput;
 use terrane_engine::proof::Written;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_proof::tiles::{Shore, Tile, TileId};
+use terrane_proof::tiles::Shore;
 use terrane_raster::{self as raster, Water};
 use terrane_tiles::GroundModel;
 
+pub use context::ROUNDING;
 pub use options::{CloudTilesProof, CloudTilesProofSetters, TilesProof, TilesProofSetters};
 pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
 
 /// Least memory that a proof can work in.
 const LEAST_MEMORY: u64 = 32 << 20;
 
-/// Metres by which a distance may be larger than what it is held to: rounding.
-pub const ROUNDING: f64 = 1e-6;
-
 /// True for a folder with a `layer.json` or `tileset.json`, and for such a file.
 pub fn is_tiles(path: &Path) -> bool {
-    let place = layer::place(path);
-    let is_it = |name: &std::ffi::OsStr| name == layer::NAME || name == three::NAME;
+    let place = tileset::place(path);
+    let is_it = |name: &std::ffi::OsStr| name == folder::NAME || name == three::NAME;
     place.file_name().is_some_and(is_it) && place.is_file()
 }
 
@@ -80,7 +84,7 @@ pub(super) fn verify_tiles(
         .grid
         .options(&job.options.resources, cache_beside(job.options.resources.memory))?;
     let grid = raster::open_all(job.written.original.names(), &options)?;
-    super::check_grid(&*grid).map_err(of_raster)?;
+    check_grid(&*grid).map_err(of_raster)?;
     let places = Places::of(&*grid, job.options.geoid.as_deref(), &job.options.resources)
         .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
     let water = options.water.as_ref().filter(|_| layer.has_water);
@@ -138,68 +142,4 @@ fn check_memory(resources: &Resources) -> Result<()> {
         return Ok(());
     }
     Err(too_little(resources.memory, LEAST_MEMORY))
-}
-
-/// The error of a tile that cannot be decoded, in place of the tile; others end the proof.
-fn decoded<T>(read: Result<T>) -> Result<std::result::Result<T, Error>> {
-    match read {
-        Ok(found) => Ok(Ok(found)),
-        Err(e) => match e.kind() {
-            ErrorKind::BadInput | ErrorKind::Unsupported | ErrorKind::Limit => Ok(Err(e)),
-            _ => Err(e),
-        },
-    }
-}
-
-/// What both passes need to know.
-struct Context<'a> {
-    layer: &'a Layer,
-    tiles: &'a Tiles,
-    places: Places<'a>,
-    /// What masks of water are held to.
-    shore: Option<Shore>,
-    /// Metres that heights of steep ground are apart; none where it is not steep.
-    steep: f64,
-    progress: &'a dyn Progress,
-    cancel: &'a Cancel,
-    room: &'a Divided,
-}
-
-impl Context<'_> {
-    /// A tile, and whether its file is packed.
-    fn read(&self, id: TileId) -> Result<(Tile, bool)> {
-        let folder = &self.layer.folder;
-        let fit = |vertices| self.room.fit(vertices);
-        match (self.layer.three(), self.layer.own(id.level)) {
-            (Some(three), Some(level)) => three.read(folder, id, level, fit),
-            _ => folder::read(folder, id, fit),
-        }
-    }
-
-    /// The distance that samples of a level are held to.
-    fn limit(&self, level: u8) -> f64 {
-        self.layer.tolerance(level) + ROUNDING
-    }
-
-    /// The error that a tile of a level may record: of 3D Tiles also that of one below it.
-    fn most_recorded(&self, level: u8) -> f64 {
-        let finest = if self.layer.three().is_some() { self.layer.finest } else { level };
-        (level..=finest).map(|level| self.limit(level)).fold(0.0, f64::max)
-    }
-
-    /// The gap that borders between a level and the next coarser one are held to. Positions are rounded to steps, which
-    /// steep ground makes heights of.
-    fn allowed_gap(&self, level: u8) -> f64 {
-        let of = |level: u8| {
-            let part = (4.0 * self.places.samples_of_step(level)).min(1.0);
-            if self.steep > 0.0 { self.steep * part } else { 0.0 }
-        };
-        self.assumed_gap(level) + of(level) + level.checked_sub(1).map_or(0.0, of) + ROUNDING
-    }
-
-    /// The errors together that clients assume of a level and the next coarser one.
-    fn assumed_gap(&self, level: u8) -> f64 {
-        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.apart(level));
-        self.layer.apart(level) + coarser
-    }
 }

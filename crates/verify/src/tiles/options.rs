@@ -2,12 +2,8 @@
 
 use terrane_options::Options;
 
-use super::{TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
-use crate::options::Proving;
-use terrane_base::error::Result;
+use terrane_engine::Resources;
 use terrane_engine::options::{CloudInput, FileName, GridInput};
-use terrane_engine::proof::{Proof, Verdict, Written};
-use terrane_engine::{Cancel, Progress, Resources};
 use terrane_tiles::ModelOptions;
 
 /// Prove terrain tiles against the grid they were made from
@@ -46,40 +42,4 @@ pub struct CloudTilesProof {
     /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
-}
-
-impl Proof for TilesProof {
-    const OF: &'static str = "terrain tiles of grids";
-    type Report = TilesVerifyReport;
-
-    fn prove(
-        &self,
-        written: &Written,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<TilesVerifyReport> {
-        verify_tiles(&Proving { written, options: self }, progress, cancel)
-    }
-
-    fn verdict(report: &TilesVerifyReport) -> &Verdict {
-        &report.verdict
-    }
-}
-
-impl Proof for CloudTilesProof {
-    const OF: &'static str = "terrain tiles of point clouds";
-    type Report = TilesVerifyReport;
-
-    fn prove(
-        &self,
-        written: &Written,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<TilesVerifyReport> {
-        verify_tiles_of_cloud(&Proving { written, options: self }, progress, cancel)
-    }
-
-    fn verdict(report: &TilesVerifyReport) -> &Verdict {
-        &report.verdict
-    }
 }

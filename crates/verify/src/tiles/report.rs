@@ -3,9 +3,11 @@
 use serde::Serialize;
 
 use super::alone::{self, Record};
-use super::layer::{self, Layer};
+use super::context::{Context, ROUNDING};
+use super::folder;
+use super::layer::Layer;
+use super::level::Level;
 use super::sweep::{self, Far, Under};
-use super::{Context, ROUNDING};
 use terrane_base::geom::Crs;
 use terrane_engine::figures::Figures;
 use terrane_engine::proof::Verdict;
@@ -190,7 +192,7 @@ impl CheckReport {
         let told = |(_, what, count): (Fault, &'static str, terrane_proof::tiles::Count)| {
             let first = count.first.map(|id| id.to_string());
             // Texts name the file of quantized-mesh.
-            let what = what.replace(layer::NAME, layer.name());
+            let what = what.replace(folder::NAME, layer.name());
             FoundFault { what, count: count.count, first }
         };
         let faults: Vec<_> = faults.found(check).map(told).collect();
@@ -406,7 +408,7 @@ impl Judge<'_> {
 
     /// The largest step of heights that a level needs: of what clients assume, of the heights that have to be told
     /// apart in a tile, of the highest in single precision, and of a lattice.
-    fn coarsest(&self, assumed: f64, own: layer::Level) -> f64 {
+    fn coarsest(&self, assumed: f64, own: Level) -> f64 {
         let [low, high] = self.reach();
         let (low, high) = (low.min(0.0), high.max(0.0));
         let of_range = ((high - low) / STEPS).max(high.max(-low) / HIGHEST);

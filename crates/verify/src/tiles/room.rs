@@ -3,7 +3,6 @@
 //! what is made of tiles. The other half is for blocks of the raster, and for the allocator.
 
 use super::place::Places;
-use super::sweep;
 use terrane_base::error::Result;
 use terrane_engine::Resources;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
@@ -35,6 +34,21 @@ pub(super) struct Divided {
     taken: u64,
     /// Threads that were asked for.
     wanted: u64,
+}
+
+/// Columns and rows of a window: fewer where the place of each sample is kept.
+pub(super) fn window(places: &Places<'_>) -> u32 {
+    if places.sample_bytes() == 0 { 512 } else { 128 }
+}
+
+/// Bytes of a window and what is made of it.
+fn window_bytes(places: &Places<'_>) -> u64 {
+    // Of samples whose places are kept, their numbers by tile are, too: twice at a border, in lists that grow.
+    let sample = match places.sample_bytes() {
+        0 => 8,
+        place => 8 + place + 4 * size_of::<usize>() as u64,
+    };
+    u64::from(window(places)).pow(2) * sample + (1 << 20)
 }
 
 /// Bytes of memory in which so many are free.
@@ -91,7 +105,7 @@ impl Room {
 
     /// What is left for windows of the raster and what is made of tiles.
     pub(super) fn divided(self, places: &Places<'_>, threads: usize) -> Divided {
-        self.shared(sweep::window_bytes(places), threads)
+        self.shared(window_bytes(places), threads)
     }
 
     fn shared(self, window: u64, wanted: usize) -> Divided {

@@ -6,8 +6,9 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use super::cache::Cache;
-use super::place::{Placed, Places};
-use super::{Context, decoded};
+use super::context::{Context, decoded};
+use super::place::Placed;
+use super::room::window;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::workers;
@@ -15,20 +16,6 @@ use terrane_files::lock;
 use terrane_proof::ExactSum;
 use terrane_proof::tiles::{Facets, Fault, Faults, Meridian, Parallel, Seen, TileId};
 
-/// Columns and rows of a window: fewer where the place of each sample is kept.
-fn window(places: &Places<'_>) -> u32 {
-    if places.sample_bytes() == 0 { 512 } else { 128 }
-}
-
-/// Bytes of a window and what is made of it.
-pub(super) fn window_bytes(places: &Places<'_>) -> u64 {
-    // Of samples whose places are kept, their numbers by tile are, too: twice at a border, in lists that grow.
-    let sample = match places.sample_bytes() {
-        0 => 8,
-        place => 8 + place + 4 * size_of::<usize>() as u64,
-    };
-    u64::from(window(places)).pow(2) * sample + (1 << 20)
-}
 /// Metres for a metre from which on ground is steep, and metres of a degree, about.
 const STEEP: f64 = 8.0;
 const DEGREE: f64 = 111_000.0;

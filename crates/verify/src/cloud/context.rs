@@ -1,0 +1,71 @@
+//! What every pass over a mesh and its cloud knows: both, and what the mesh is held to.
+
+use crate::stated::is_delaunay;
+use crate::work::Work;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+use terrane_cloud::PointSource;
+use terrane_engine::kept::Features;
+use terrane_engine::on_cloud::OnCloud;
+use terrane_mesh::Promises;
+use terrane_proof::cloud::{Bound, Placer};
+
+/// What every pass over a cloud needs to know.
+pub(super) struct Context<'a> {
+    pub(super) work: Work<'a>,
+    pub(super) source: &'a dyn PointSource,
+    /// Lowest and highest coordinates of all points.
+    pub(super) bounds: [Point; 2],
+    pub(super) placer: Placer,
+    pub(super) tolerance: Option<f64>,
+    pub(super) bound: Option<Bound>,
+    pub(super) kept: OnCloud,
+    /// What the mesh states.
+    pub(super) stated: Promises,
+    /// It states no triangulation that is not Delaunay.
+    pub(super) is_delaunay: bool,
+    /// The mesh has posts on lines that are not given.
+    pub(super) has_posts: bool,
+}
+
+impl<'a> Context<'a> {
+    pub(super) fn new(
+        mut work: Work<'a>,
+        source: &'a dyn PointSource,
+        tolerance: Option<f64>,
+        features: Features,
+    ) -> Result<Self> {
+        let bounds = surface_bounds(source)?;
+        let kept = features.on_cloud(source.info(), bounds)?;
+        work.set_aside(kept.bytes());
+        let stated = work.mesh.info().promises()?;
+        let is_delaunay = is_delaunay(&stated)?;
+        let has_posts = !kept.has_lines() && stated.breaklines.is_some();
+        let (frame, mesh) = (source.info().frame, work.mesh.info());
+        let reach = kept.and_heights(bounds);
+        let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
+        let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
+        Ok(Self {
+            work,
+            source,
+            bounds,
+            placer,
+            tolerance,
+            bound,
+            kept,
+            stated,
+            is_delaunay,
+            has_posts,
+        })
+    }
+}
+
+/// The bounds of a cloud that may have a surface.
+pub(super) fn surface_bounds(source: &dyn PointSource) -> Result<[Point; 2]> {
+    source.info().bounds.ok_or_else(no_surface)
+}
+
+pub(super) fn no_surface() -> Error {
+    Error::bad_input("the points have no surface: fewer than three, or all on a line")
+        .remedy("look at the filters, or at the files with `terrane info`")
+}

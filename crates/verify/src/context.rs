@@ -1,0 +1,80 @@
+//! What every pass over a mesh and its grid knows: both, and what the mesh is held to.
+
+use super::stated::is_delaunay;
+use super::work::Work;
+use terrane_base::bound::Bound;
+use terrane_base::error::{Error, Result};
+use terrane_engine::kept::Kept;
+use terrane_mesh::Promises;
+use terrane_proof::{Precision, Snapper};
+use terrane_raster::GridSource;
+
+/// What a mesh is held to.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked<'a> {
+    /// Largest allowed vertical distance; errors are measured, not judged, when `None`.
+    pub tolerance: Option<f64>,
+    /// What the tolerance is of.
+    pub bound: Bound,
+    /// The smallest angle that triangles may have in plan, in degrees.
+    pub min_angle: Option<f64>,
+    /// Samples that have to be vertices, and breaklines.
+    pub kept: &'a Kept,
+}
+
+impl Asked<'_> {
+    /// A tolerance at samples.
+    pub fn of_samples(tolerance: Option<f64>) -> Self {
+        Self { tolerance, bound: Bound::Samples, min_angle: None, kept: Kept::NONE }
+    }
+}
+
+/// What every pass over a grid needs to know.
+pub(super) struct Context<'a> {
+    pub(super) work: Work<'a>,
+    pub(super) grid: &'a dyn GridSource,
+    pub(super) asked: Asked<'a>,
+    /// What the mesh states.
+    pub(super) stated: Promises,
+    /// Vertices may lie above or below their samples.
+    pub(super) is_fitted: bool,
+    /// The mesh states no triangulation that is not Delaunay.
+    pub(super) is_delaunay: bool,
+    pub(super) snapper: Snapper,
+    pub(super) precision: Precision,
+    /// See [`terrane_proof::Part::orientation`].
+    pub(super) orientation: i128,
+}
+
+impl<'a> Context<'a> {
+    pub(super) fn new(work: Work<'a>, grid: &'a dyn GridSource, asked: Asked<'a>) -> Result<Self> {
+        check_grid(grid)?;
+        let (info, map) = (work.mesh.info(), grid.info().transform);
+        let size = [grid.info().width, grid.info().height];
+        let stated = info.promises()?;
+        Ok(Self {
+            grid,
+            asked,
+            is_fitted: stated.fitted.is_some(),
+            is_delaunay: is_delaunay(&stated)?,
+            stated,
+            snapper: Snapper::new(map, size, info.origin, info.single_precision),
+            precision: match info.single_precision {
+                true => Precision::Single { origin: info.origin[2], scale: info.scale[2] },
+                false => Precision::Double,
+            },
+            orientation: if map.determinant() < 0.0 { -1 } else { 1 },
+            work,
+        })
+    }
+}
+
+pub(super) fn check_grid(grid: &dyn GridSource) -> Result<()> {
+    if !grid.info().transform.is_valid() {
+        return Err(Error::bad_input("the raster's map from samples to the world has no inverse"));
+    }
+    if grid.info().bounds().is_empty() {
+        return Err(Error::bad_input("the raster has no samples"));
+    }
+    Ok(())
+}

@@ -1,0 +1,161 @@
+//! Proves a mesh of a file against the grid that it was made from.
+
+use std::path::Path;
+
+use super::bands::{Proof, not_judged};
+use super::context::{Asked, check_grid};
+use super::header::{Header, judge_bounds};
+use super::options::{MeshProof, Proving};
+use super::parts::verify;
+use super::report::{OfGrid, VerifyReport};
+use super::stated::{leave_files, open_mesh, stated, tolerance};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Crs;
+use terrane_engine::bands::{Joined, label};
+use terrane_engine::kept::Features;
+use terrane_engine::memory::cache_beside;
+use terrane_engine::proof::Verdict;
+use terrane_engine::{Cancel, Progress};
+use terrane_mesh::{HeightBand, MeshSource, Promises};
+use terrane_raster as raster;
+
+/// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
+/// no error, but a report with `passed` false.
+pub(super) fn run(
+    job: &Proving<'_, MeshProof>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VerifyReport> {
+    let bands = job.options.asked_bands()?;
+    let mesh = open_mesh(&job.written.file)?;
+    let of_bands = bands.as_ref();
+    let options = [
+        ("max error", "‹max_error›", job.options.tolerance().is_some()),
+        ("bound", "‹bound›", job.options.bound.is_some()),
+        ("min angle", "‹min_angle›", job.options.min_angle.is_some()),
+        ("bands", "‹bands›", of_bands.is_none()),
+        ("weights", "‹weights›", of_bands.is_none_or(|asked| !asked.weights.is_empty())),
+        ("heights", "‹band›", of_bands.is_none_or(|asked| asked.heights.is_some())),
+    ];
+    let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.written.file))?;
+    check_system(&stated).map_err(|e| e.in_file(&job.written.file))?;
+    let (mut report, crs) = match of_bands {
+        Some(bands) => {
+            let proof = Proof { job, mesh: &*mesh, stated: &stated, progress, cancel };
+            in_mesh(proof.run(bands), job)?
+        }
+        None => heights((&*mesh, &stated), job, progress, cancel)?,
+    };
+    let header = Header {
+        mesh: &job.written.file,
+        info: mesh.info(),
+        stated: &stated,
+        crs: &crs,
+        original: "grid",
+    };
+    header.judge(&mut report.verdict)?;
+    judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
+    tell_of_files(&stated, job, &mut report.verdict);
+    let mesh = job.written.file.display().to_string();
+    let of = OfGrid { raster: job.written.original.to_string(), ..report.of };
+    Ok(VerifyReport { mesh, of, ..report })
+}
+
+/// Fails for a mesh that was taken to another system when it was written.
+fn check_system(stated: &Promises) -> Result<()> {
+    let Some(from) = &stated.transformed_from else { return Ok(()) };
+    let message = format!("was transformed from {from}, where its vertices are samples");
+    Err(Error::unsupported(message).remedy("verify the mesh as it is made without ‹to_crs›"))
+}
+
+/// What is wrong with the mesh names it.
+fn in_mesh<T>(found: Result<T>, job: &Proving<'_, MeshProof>) -> Result<T> {
+    found.map_err(|e| match e.kind() {
+        ErrorKind::BadInput => e.in_file(&job.written.file),
+        _ => e,
+    })
+}
+
+/// Proves the heights of a mesh; returns the reference system of the grid, too.
+fn heights(
+    (mesh, stated): (&dyn MeshSource, &Promises),
+    job: &Proving<'_, MeshProof>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<(VerifyReport, Crs)> {
+    let options = job
+        .options
+        .grid
+        .options(&job.options.resources, cache_beside(job.options.resources.memory))?;
+    let grid = raster::open_all(job.written.original.names(), &options)?;
+    let crs = grid.info().crs.clone();
+    let made_of = stated.bands.as_deref().map(label);
+    // What a mesh of bands states is their tolerance.
+    let of_heights = tolerance(stated).filter(|_| made_of.is_none());
+    let tolerance = job.options.tolerance().or(of_heights);
+    let grid = match made_of.filter(|_| stated.heights == Some(HeightBand::None)) {
+        None => grid,
+        Some(label) if tolerance.is_some() => {
+            return Err(Error::usage("the mesh has no heights that could be so far off")
+                .in_file(&job.written.file)
+                .remedy(format!("pass ‹bands› {label}")));
+        }
+        Some(_) => Joined::of(grid).flat(),
+    };
+    let bound = job.options.bound.or(stated.bound).unwrap_or_default();
+    let min_angle = job.options.min_angle.or(stated.min_angle);
+    check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.written.original.to_string())))?;
+    let [points, lines] =
+        [&job.options.constraints.keep_points, &job.options.constraints.breaklines]
+            .map(Option::as_deref);
+    let water = options.water.as_ref();
+    let kept = Features::read(points, lines, water, &job.options.resources)?.on(grid.info())?;
+    let asked = Asked { tolerance, bound, min_angle, kept: &kept };
+    let report =
+        in_mesh(verify(mesh, &*grid, asked, &job.options.resources, progress, cancel), job)?;
+    Ok((report, crs))
+}
+
+/// Names bands and files that the mesh was made with, as it states, and that were not given.
+fn tell_of_files(stated: &Promises, job: &Proving<'_, MeshProof>, verdict: &mut Verdict) {
+    let mut tell = |told: String, left: String| {
+        verdict.failures.extend((!verdict.passed).then_some(told));
+        verdict.leave(left);
+    };
+    if let Some(bands) = stated.bands.as_deref().filter(|_| job.options.bands.is_empty()) {
+        let label = label(bands);
+        tell(
+            format!(
+                "the mesh states that it was made of bands {label}, and voids of all: pass ‹bands› {label}"
+            ),
+            not_judged(&label),
+        );
+    }
+    if let Some(clip) = stated.clip.as_deref().filter(|_| job.options.grid.clip.is_none()) {
+        tell(
+            format!("the mesh states that its grid was clipped to {clip}: pass it with ‹clip›"),
+            format!("whether it ends where the polygons of {clip} do (‹clip›)"),
+        );
+    }
+    if let Some(file) = stated.water.as_deref().filter(|_| job.options.grid.water.is_none()) {
+        tell(
+            format!("the mesh states that the water of {file} is level: pass ‹water›"),
+            format!("whether the water of {file} is level (‹water›)"),
+        );
+    }
+    if job.options.bands.is_empty() && stated.bands.is_none() {
+        let known = Promises { unknown: Vec::new(), ..stated.clone() }.to_lines();
+        let keys = ["bands", "weights", "heights"];
+        for line in known.iter().filter(|line| keys.iter().any(|key| line.starts_with(key))) {
+            verdict.leave(format!("the statement \"{line}\", without bands"));
+        }
+    }
+    leave_files(
+        stated,
+        [
+            job.options.constraints.keep_points.is_some(),
+            job.options.constraints.breaklines.is_some(),
+        ],
+        verdict,
+    );
+}

@@ -1,0 +1,81 @@
+//! Proofs by their options: which job each of them runs.
+
+use super::cloud::{CloudVerifyReport, verify_cloud};
+use super::lines::{LineVerifyReport, verify_lines};
+use super::mesh::run;
+use super::options::{CloudMeshProof, Gone, LineProof, LineVerifyJob, MeshProof, Proving};
+use super::report::VerifyReport;
+use terrane_base::error::{Error, Result};
+use terrane_engine::proof::{Proof, Verdict, Written};
+use terrane_engine::{Cancel, Progress};
+use terrane_files::path_of;
+use terrane_simplify::Metric;
+
+impl Proof for MeshProof {
+    const OF: &'static str = "meshes of grids";
+    type Report = VerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<VerifyReport> {
+        run(&Proving { written, options: self }, progress, cancel)
+    }
+
+    fn verdict(report: &VerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for CloudMeshProof {
+    const OF: &'static str = "meshes of point clouds";
+    type Report = CloudVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<CloudVerifyReport> {
+        verify_cloud(&Proving { written, options: self }, progress, cancel)
+    }
+
+    fn verdict(report: &CloudVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}
+
+impl Proof for LineProof {
+    const OF: &'static str = "simplified lines";
+    type Report = LineVerifyReport;
+
+    fn prove(
+        &self,
+        written: &Written,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<LineVerifyReport> {
+        let [original] = written.original.names() else {
+            return Err(Error::usage("lines are proved against one file")
+                .remedy("name the file that they were made from"));
+        };
+        let job = LineVerifyJob {
+            lines: written.file.clone(),
+            original: path_of(original).into_owned(),
+            layer: self.features.layer.clone(),
+            tolerance: self.tolerance,
+            is_space: self.metric == Metric::Space,
+            topology: self.topology,
+            may_drop: self.collapse == Some(Gone::Drop),
+            sides: self.sides.clone(),
+            resources: self.resources.clone(),
+        };
+        verify_lines(&job, progress, cancel)
+    }
+
+    fn verdict(report: &LineVerifyReport) -> &Verdict {
+        &report.verdict
+    }
+}

@@ -1,0 +1,74 @@
+//! What a mesh states of itself, and files that it names.
+
+use std::path::Path;
+
+use terrane_base::error::{Error, Result};
+use terrane_baselines::{METHODS, Triangulation};
+use terrane_engine::proof::Verdict;
+use terrane_mesh::{self as mesh, MeshInfo, MeshSource, Promises};
+
+/// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
+/// tells for sure which triangles they are.
+pub(super) fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let mesh = mesh::open(path)?;
+    if mesh.info().solid {
+        let message = "is a solid: it has walls and a bottom, which are no terrain to verify";
+        return Err(Error::unsupported(message)
+            .in_file(path)
+            .remedy("verify the mesh that is made without ‹base› and ‹co› SOLID_BASE"));
+    }
+    Ok(mesh)
+}
+
+/// What a mesh states; `options` are the key of a statement, the option in its place, and whether it may be wrong, as
+/// this is given or nothing is judged by it.
+///
+/// # Errors
+/// Statements that contradict each other, and those that are not valid and that no option replaces: to ignore them
+/// would leave promises unjudged.
+pub(super) fn stated(mesh: &MeshInfo, options: &[(&str, &str, bool)]) -> Result<Promises> {
+    let stated = mesh.promises()?;
+    for line in &stated.invalid {
+        let remedy = match options.iter().find(|(key, ..)| line.starts_with(key)) {
+            Some((.., true)) => continue,
+            Some((_, option, _)) => format!("give {option} in its place"),
+            None => "make the mesh again, or remove this comment".to_owned(),
+        };
+        let message = format!("states \"{line}\", which is not valid");
+        return Err(Error::bad_input(message).remedy(remedy));
+    }
+    Ok(stated)
+}
+
+/// The tolerance that a mesh states.
+pub(super) fn tolerance(stated: &Promises) -> Option<f64> {
+    stated.max_error.as_ref().map(|error| error.value)
+}
+
+/// True unless vertices are connected in a way that is not Delaunay: "triangulation data-dependent", or the
+/// name of a method.
+///
+/// # Errors
+/// A name that is not known: to believe it would leave edges unjudged.
+pub(super) fn is_delaunay(stated: &Promises) -> Result<bool> {
+    let Some(name) = &stated.triangulation else { return Ok(true) };
+    let mut others = METHODS.iter().filter(|method| !method.is_delaunay);
+    match name.parse::<Triangulation>() {
+        Ok(known) => Ok(known == Triangulation::Delaunay),
+        Err(_) if others.any(|method| method.name == *name) => Ok(false),
+        Err(_) => {
+            Err(Error::bad_input(format!("states \"triangulation {name}\", which is not known"))
+                .remedy("make the mesh again, or remove this comment: its edges are judged then"))
+        }
+    }
+}
+
+/// Names points and lines of files that a mesh states and that were not given, as not judged.
+pub(super) fn leave_files(stated: &Promises, [points, lines]: [bool; 2], verdict: &mut Verdict) {
+    if let Some(file) = stated.keep_points.as_deref().filter(|_| !points) {
+        verdict.leave(format!("whether it keeps the points of {file} (‹keep_points›)"));
+    }
+    if let Some(file) = stated.breaklines.as_deref().filter(|_| !lines) {
+        verdict.leave(format!("whether edges follow the lines of {file} (‹breaklines›)"));
+    }
+}

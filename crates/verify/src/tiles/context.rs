@@ -1,0 +1,76 @@
+//! What both passes over a set of tiles know: the set, the raster, and how far they may be apart.
+
+use super::folder::{self, Tiles};
+use super::layer::Layer;
+use super::place::Places;
+use super::room::Divided;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::{Cancel, Progress};
+use terrane_proof::tiles::{Shore, Tile, TileId};
+
+/// Metres by which a distance may be larger than what it is held to: rounding.
+pub const ROUNDING: f64 = 1e-6;
+
+/// What both passes need to know.
+pub(super) struct Context<'a> {
+    pub(super) layer: &'a Layer,
+    pub(super) tiles: &'a Tiles,
+    pub(super) places: Places<'a>,
+    /// What masks of water are held to.
+    pub(super) shore: Option<Shore>,
+    /// Metres that heights of steep ground are apart; none where it is not steep.
+    pub(super) steep: f64,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+    pub(super) room: &'a Divided,
+}
+
+impl Context<'_> {
+    /// A tile, and whether its file is packed.
+    pub(super) fn read(&self, id: TileId) -> Result<(Tile, bool)> {
+        let folder = &self.layer.folder;
+        let fit = |vertices| self.room.fit(vertices);
+        match (self.layer.three(), self.layer.own(id.level)) {
+            (Some(three), Some(level)) => three.read(folder, id, level, fit),
+            _ => folder::read(folder, id, fit),
+        }
+    }
+
+    /// The distance that samples of a level are held to.
+    pub(super) fn limit(&self, level: u8) -> f64 {
+        self.layer.tolerance(level) + ROUNDING
+    }
+
+    /// The error that a tile of a level may record: of 3D Tiles also that of one below it.
+    pub(super) fn most_recorded(&self, level: u8) -> f64 {
+        let finest = if self.layer.three().is_some() { self.layer.finest } else { level };
+        (level..=finest).map(|level| self.limit(level)).fold(0.0, f64::max)
+    }
+
+    /// The gap that borders between a level and the next coarser one are held to. Positions are rounded to steps, which
+    /// steep ground makes heights of.
+    pub(super) fn allowed_gap(&self, level: u8) -> f64 {
+        let of = |level: u8| {
+            let part = (4.0 * self.places.samples_of_step(level)).min(1.0);
+            if self.steep > 0.0 { self.steep * part } else { 0.0 }
+        };
+        self.assumed_gap(level) + of(level) + level.checked_sub(1).map_or(0.0, of) + ROUNDING
+    }
+
+    /// The errors together that clients assume of a level and the next coarser one.
+    pub(super) fn assumed_gap(&self, level: u8) -> f64 {
+        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.apart(level));
+        self.layer.apart(level) + coarser
+    }
+}
+
+/// The error of a tile that cannot be decoded, in place of the tile; others end the proof.
+pub(super) fn decoded<T>(read: Result<T>) -> Result<std::result::Result<T, Error>> {
+    match read {
+        Ok(found) => Ok(Ok(found)),
+        Err(e) => match e.kind() {
+            ErrorKind::BadInput | ErrorKind::Unsupported | ErrorKind::Limit => Ok(Err(e)),
+            _ => Err(e),
+        },
+    }
+}

@@ -1,0 +1,255 @@
+//! `tileset.json`: what a set of 3D Tiles says of itself; and the file of a set, which is that or `layer.json`.
+
+use std::collections::{HashMap, HashSet};
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::folder;
+use super::layer::{self, Kind, Layer, Range, check_beyond, check_heights, text_of};
+use super::level::{Level, check_levels};
+use super::room::Room;
+use super::three::{self, HALVES, SUBTREE, TILE, Three};
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_engine::Cancel;
+use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, MOST_SUBTREE_LEVELS, Schema};
+
+/// Radians that the sides of a region may be off by.
+const RADIANS: f64 = 1e-12;
+
+/// Where the file of a set would be: the path itself, or in it where that is a folder.
+pub(super) fn place(path: &Path) -> PathBuf {
+    match path.is_dir() {
+        true if path.join(three::NAME).is_file() && !path.join(folder::NAME).exists() => {
+            path.join(three::NAME)
+        }
+        true => path.join(folder::NAME),
+        false => path.to_path_buf(),
+    }
+}
+
+impl Layer {
+    /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, for
+    /// whose tiles there has to be room.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
+    /// projection; levels beyond the finest there may be.
+    pub(super) fn read(path: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
+        let path = place(path);
+        if path.file_name().is_some_and(|name| name == three::NAME) {
+            return read_tileset(&path, room, cancel);
+        }
+        layer::read(&path).map_err(|e| e.in_file(&path))
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+struct Stored {
+    asset: Asset,
+    schema: Option<Schema>,
+    geometric_error: f64,
+    root: Root,
+    #[serde(default)]
+    extras: Extras,
+}
+
+#[derive(Deserialize)]
+struct Asset {
+    version: String,
+}
+
+#[derive(Default, Deserialize)]
+struct Extras {
+    terrane: Option<Own>,
+}
+
+/// What terrane says of its own sets.
+#[derive(Deserialize)]
+struct Own {
+    bounds: [f64; 4],
+    normals: bool,
+    edges: bool,
+    levels: Vec<Level>,
+    beyond: Option<String>,
+    heights: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+struct Root {
+    bounding_volume: Volume,
+    geometric_error: f64,
+    refine: String,
+    children: Vec<Half>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Volume {
+    region: [f64; 6],
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+struct Half {
+    bounding_volume: Volume,
+    geometric_error: f64,
+    refine: Option<String>,
+    content: Address,
+    implicit_tiling: Implicit,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Address {
+    uri: String,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+struct Implicit {
+    subdivision_scheme: String,
+    subtree_levels: u8,
+    available_levels: u8,
+    subtrees: Address,
+}
+
+/// Reads the file of a set and all of its subtrees, for whose tiles there has to be room.
+///
+/// # Errors
+/// Files that cannot be read or are too long; another kind of tileset; what does not fit together in one.
+fn read_tileset(path: &Path, room: &Room, cancel: &Cancel) -> Result<Layer> {
+    let text = text_of(path)?;
+    let stored: Stored = serde_json::from_slice(&text).map_err(|e| {
+        Error::bad_input(format!("does not describe a set of tiles as terrane makes it: {e}"))
+            .in_file(path)
+    })?;
+    stored.layer(path, room, cancel)
+}
+
+impl Stored {
+    fn layer(self, path: &Path, room: &Room, cancel: &Cancel) -> Result<Layer> {
+        let of_file = |e: Error| e.in_file(path);
+        self.check().map_err(of_file)?;
+        let (Some(schema), Some(own)) = (self.schema, self.extras.terrane) else {
+            let message = "does not say what terrane says of its own sets: schema and steps";
+            return Err(of_file(Error::unsupported(message)));
+        };
+        let [west, east] = &self.root.children[..] else {
+            return Err(of_file(Error::bad_input("has not two halves of the globe")));
+        };
+        let tiling = &west.implicit_tiling;
+        let finest = tiling.available_levels - 1;
+        let levels = check_levels(own.levels, finest).map_err(of_file)?;
+        if levels.iter().any(|own| own.lattice.is_none_or(|lattice| lattice <= 0.0)) {
+            return Err(of_file(Error::bad_input("states no lattice of a level")));
+        }
+        let regions = [&self.root.bounding_volume, &west.bounding_volume, &east.bounding_volume];
+        let mut three = Three {
+            about: HashMap::new(),
+            subtrees: HashSet::new(),
+            regions: regions.map(|volume| [volume.region[4], volume.region[5]]),
+            errors: [self.geometric_error, self.root.geometric_error, west.geometric_error],
+            has_edges: own.edges,
+        };
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        three.collect(&folder, (tiling.subtree_levels, &schema), room.tiles(), cancel)?;
+        let mut available = vec![Vec::new(); usize::from(finest) + 1];
+        for id in three.about.keys() {
+            let of_level = available.get_mut(usize::from(id.level)).ok_or_else(|| {
+                of_file(Error::bad_input(format!("has tile {id}, beyond level {finest}")))
+            })?;
+            of_level.push(Range::one(*id));
+        }
+        available.iter_mut().for_each(|ranges| ranges.sort_unstable());
+        Ok(Layer {
+            folder,
+            bounds: Some(own.bounds),
+            finest,
+            available,
+            has_normals: own.normals,
+            has_metadata: false,
+            has_water: false,
+            told_every: None,
+            levels: Some(levels),
+            assumed: ERROR_OF_ROOT,
+            tapers: check_beyond(own.beyond.as_deref()).map_err(of_file)?,
+            has_geoid: check_heights(own.heights.as_deref()).map_err(of_file)?,
+            unknown: Vec::new(),
+            kind: Kind::ThreeTiles(three),
+        })
+    }
+
+    /// Holds the file to what clients of terrain take.
+    fn check(&self) -> Result<()> {
+        let Self { asset, geometric_error, root, .. } = self;
+        if asset.version != "1.1" {
+            let found = &asset.version;
+            return Err(Error::unsupported(format!("is of 3D Tiles {found:?}, not 1.1")));
+        }
+        let is_replaced = |refine: &str| refine == "REPLACE";
+        let [west, east] = &root.children[..] else {
+            let count = root.children.len();
+            return Err(Error::unsupported(format!("has {count} roots, not west and east")));
+        };
+        let reaches = [
+            (&root.bounding_volume, [-PI, PI]),
+            (&west.bounding_volume, [-PI, 0.0]),
+            (&east.bounding_volume, [0.0, PI]),
+        ];
+        let is_off = |(volume, [from, to]): &(&Volume, [f64; 2])| {
+            let sides = [*from, -FRAC_PI_2, *to, FRAC_PI_2];
+            sides.iter().zip(volume.region).any(|(a, b)| (a - b).abs() > RADIANS)
+        };
+        if reaches.iter().any(is_off) {
+            return Err(Error::bad_input("has regions that are not the globe and its halves"));
+        }
+        let halves = [west, east];
+        let errors = halves.map(|half| half.geometric_error);
+        let grows = errors.iter().any(|error| *error > root.geometric_error);
+        if grows || root.geometric_error > *geometric_error || errors[0] != errors[1] {
+            return Err(Error::bad_input("has geometric errors that grow from the root on"));
+        }
+        for (half, name) in halves.into_iter().zip(HALVES) {
+            half.check(name)?;
+        }
+        let refines = halves.iter().filter_map(|half| half.refine.as_deref());
+        if !refines.chain([&*root.refine]).all(is_replaced) {
+            return Err(Error::unsupported("refines tiles other than by replacing them"));
+        }
+        let of = |half: &Half| {
+            (half.implicit_tiling.subtree_levels, half.implicit_tiling.available_levels)
+        };
+        match of(west) == of(east) {
+            true => Ok(()),
+            false => Err(Error::bad_input("has halves of different levels")),
+        }
+    }
+}
+
+impl Half {
+    fn check(&self, name: &str) -> Result<()> {
+        let tiling = &self.implicit_tiling;
+        let of = |ending: &str| format!("{name}/{{level}}/{{x}}/{{y}}{ending}");
+        let is_known = self.content.uri == of(TILE) && tiling.subtrees.uri == of(SUBTREE);
+        if !is_known || tiling.subdivision_scheme != "QUADTREE" {
+            let message = format!("has other addresses than {} or is no quadtree", of(TILE));
+            return Err(Error::unsupported(message));
+        }
+        let most = u64::from(MOST_SUBTREE_LEVELS);
+        limits::check("subtreeLevels", tiling.subtree_levels.into(), most)?;
+        limits::check(
+            "availableLevels",
+            tiling.available_levels.into(),
+            u64::from(MOST_LEVEL) + 1,
+        )?;
+        match tiling.subtree_levels > 0 && tiling.available_levels > 0 {
+            true => Ok(()),
+            false => Err(Error::bad_input("has no levels")),
+        }
+    }
+}

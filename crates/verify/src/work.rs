@@ -1,0 +1,93 @@
+//! What a proof works with: a mesh, threads, and memory as they share it.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use bytemuck::Pod;
+
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::figures::Figures;
+use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_engine::{Cancel, Progress, Resources};
+use terrane_files::Buckets;
+use terrane_mesh::MeshSource;
+use terrane_proof::Layout;
+
+/// Least memory a verification can work in, and least for each thread.
+pub(super) const LEAST_MEMORY: u64 = 1 << 20;
+
+/// What a proof works with, whatever the mesh is held against.
+pub(super) struct Work<'a> {
+    pub(super) mesh: &'a dyn MeshSource,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: Cancel,
+    pub(super) threads: usize,
+    /// Bytes for everything held here.
+    pub(super) memory: u64,
+    /// Bytes for one thread.
+    pub(super) share: u64,
+    /// Bytes that are held beside all that.
+    pub(super) aside: u64,
+    /// Where spills go.
+    pub(super) folder: PathBuf,
+}
+
+impl<'a> Work<'a> {
+    /// Figures of a proof that ends now.
+    pub(super) fn figures(&self, started: Instant, resources: &Resources, spilled: u64) -> Figures {
+        Figures::since(started, resources).with_threads(self.threads).with_spilled(spilled)
+    }
+
+    pub(super) fn new(
+        mesh: &'a dyn MeshSource,
+        tolerance: Option<f64>,
+        resources: &Resources,
+        progress: &'a dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        check_arguments(tolerance, resources)?;
+        let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
+        let threads = resources.threads.clamp(1, most);
+        // The least is enough for a domain that keeps all samples.
+        let least = resources.memory.min(LEAST_MEMORY) / 8 * 5;
+        // An eighth is left to the allocator.
+        let half = beside_program(resources.memory) / 2;
+        let memory = (half - half / 8).max(least);
+        let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+        let (cancel, share) = (cancel.clone(), memory / threads as u64);
+        Ok(Self { mesh, progress, cancel, threads, memory, share, aside: 0, folder })
+    }
+
+    /// Does with so many bytes less, which are held all the while.
+    pub(super) fn set_aside(&mut self, bytes: u64) {
+        self.aside += bytes;
+        self.memory = self.memory.saturating_sub(bytes);
+        // Each thread needs some of what is left.
+        let most = usize::try_from(self.memory / LEAST_MEMORY).unwrap_or(usize::MAX).max(1);
+        self.threads = self.threads.min(most);
+        self.share = self.memory / self.threads as u64;
+    }
+
+    /// The error of what takes so many bytes, more than there are for everything.
+    pub(super) fn short(&self, what: &str, need: u64) -> Error {
+        let message = format!("{what}, which takes {} MiB", need.div_ceil(1 << 20));
+        let half = (need + self.aside).div_ceil(7) * 8;
+        short(message, PROGRAM + 2 * half)
+    }
+
+    /// A bucket for each domain, which together hold about `bytes` until they are settled.
+    pub(super) fn buckets<T: Pod>(&self, layout: Layout, bytes: u64) -> Buckets<T> {
+        Buckets::new(&self.folder, layout.len() as usize, bytes)
+    }
+}
+
+fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> {
+    if tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
+        return Err(Error::usage("the tolerance is not a number from 0 up"));
+    }
+    if resources.memory < LEAST_MEMORY {
+        let message = format!("{} bytes of memory are too few", resources.memory);
+        return Err(Error::new(ErrorKind::Resource, message).remedy("pass ‹memory› 1M or more"));
+    }
+    Ok(())
+}
