@@ -4,11 +4,15 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::{ModelOptions, TilesJob, TilesReport};
+use super::job::{TilesJob, check_formats};
+use super::make::{run, run_in};
+use super::options::{CloudTilesOptions, ModelOptions};
+use super::report::TilesReport;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, OpenOptions};
 use terrane_engine::memory::with_polygons;
-use terrane_engine::operation::Divisible;
+use terrane_engine::operation::{Divisible, Operation, Request, Writes};
+use terrane_engine::options::{CloudInput, GridInput};
 use terrane_engine::outputs::place;
 use terrane_engine::plan::{DiskCheck, Form, RunJob, refuse_file};
 use terrane_engine::sift::Skipped;
@@ -82,7 +86,7 @@ pub struct Made {
 /// succeeds. With a folder for work both the model and the tiles go on where they were, if they were killed.
 ///
 /// # Errors
-/// Those of [`grid::run`] and [`run`](super::run); a cloud whose place on the globe is not known.
+/// Those of [`grid::run`] and [`run`]; a cloud whose place on the globe is not known.
 pub fn run_cloud(
     model: &GroundModel,
     job: &TilesJob,
@@ -90,7 +94,7 @@ pub fn run_cloud(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesReport> {
-    super::check_formats(&job.tiles)?;
+    check_formats(&job.tiles)?;
     let resources = &job.resources;
     let made = match kept {
         None => {
@@ -106,9 +110,9 @@ pub fn run_cloud(
     let report = with_polygons(&model.cloud, &job.resources, |resources| {
         let tiles = TilesJob { resources, ..tiles };
         match kept {
-            None => super::run(&tiles, progress, cancel),
+            None => run(&tiles, progress, cancel),
             Some(Kept { folder, disk, .. }) => {
-                super::run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
+                run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
             }
         }
     });
@@ -214,5 +218,36 @@ impl Made {
             Some(path) if path == self.path => error.renamed(Path::new(&self.inputs.to_string())),
             _ => error,
         }
+    }
+}
+
+impl Operation for CloudTilesOptions {
+    const NAME: &'static str = "cloud-tiles";
+    type Input = CloudInput;
+    const WRITES: Writes = Writes::Tiles;
+    type Report = TilesReport;
+
+    fn check(&self, _output: &Path) -> Result<()> {
+        check_formats(&self.tiles)
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
+        let Request { inputs, output, skipped, progress, cancel, .. } = request;
+        let job = TilesJob {
+            reading: GridInput::with_water(self.water.clone()),
+            overwrite: self.replacing.overwrite,
+            tiles: self.tiles.clone(),
+            resources: self.resources.clone(),
+            ..TilesJob::new("", output)
+        };
+        let model = GroundModel {
+            input: inputs.clone(),
+            cloud: self.cloud.options(&self.resources)?,
+            model: self.model.clone(),
+        };
+        let disk = self.resuming.disk();
+        let kept = self.resuming.workdir.as_deref();
+        let kept = kept.map(|folder| Kept { folder, skipped, disk });
+        run_cloud(&model, &job, kept, progress, cancel)
     }
 }

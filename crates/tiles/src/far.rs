@@ -1,7 +1,7 @@
 //! Tiles with more samples than are looked at one by one.
 
-use super::Ground;
 use super::folder::Made;
+use super::ground::Ground;
 use super::spans::Known;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;

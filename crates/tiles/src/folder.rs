@@ -11,9 +11,12 @@ use libdeflater::{CompressionLvl, Compressor};
 use serde_json::{Value, json};
 
 use super::format::Format;
+use super::ground::Ground;
+use super::job::TilesJob;
+use super::opened::Opened;
 use super::report::{LevelReport, TilesReport};
 use super::spans::Known;
-use super::{Ground, Opened, TilesJob, three};
+use super::three;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::Cancel;
 use terrane_engine::outputs::refuse_file_name;

@@ -1,32 +1,14 @@
 //! The first look at a grid, all of it once.
 
-use super::division::Division;
-use super::{Opened, near};
+use super::opened::Opened;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::plan::At;
 use terrane_engine::workers;
-use terrane_globe::{Blocks, Chart, Glance, Plan};
+use terrane_globe::Glance;
 
 /// Samples that are looked at at a time, about.
 const WINDOW: u32 = 1 << 20;
-
-/// What is to be looked at.
-pub(super) fn plan(chart: Chart, division: &Division) -> Plan {
-    let [meridians, parallels] = division.lines();
-    Plan::new(chart, [&meridians, &parallels])
-}
-
-/// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
-/// and a row of blocks.
-pub(super) fn worker_bytes(plan: &Plan) -> u64 {
-    /// Two points in a list that grows, and the place of the next of each.
-    const BLOCK: u64 = 2 * (2 * 12 + 4);
-    let Blocks { side, counts, .. } = plan.blocks;
-    let blocks = counts.map(u64::from).iter().product::<u64>();
-    let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
-    near::worker_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
-}
 
 /// Looks at rows of a grid; what is seen is handed on in order.
 pub(super) fn look(

@@ -2,31 +2,19 @@
 
 use std::cell::RefCell;
 
-use super::division::REGION;
 use super::folder::Made;
+use super::ground::Ground;
 use super::mask::Mask;
+use super::opened::{APRON, most_samples};
 use super::spans::Known;
-use super::{APRON, Ground};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
-use terrane_globe::{Bounds, Chart, Patch, TileId, build};
+use terrane_globe::{Bounds, Patch, TileId, build};
 
 thread_local! {
     /// Room for the samples of a region, from one to the next.
     static HEIGHTS: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
-}
-
-/// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
-fn most_samples(chart: &Chart) -> u64 {
-    let side = REGION as u64 + 2 * APRON as u64 + 4;
-    if chart.is_bent() { 2 * side * side } else { side * side }
-}
-
-/// Bytes that a worker takes: the samples of a region, and the points of a tile with what is kept of each.
-pub(super) fn worker_bytes(chart: &Chart) -> u64 {
-    let place = if chart.is_bent() { Patch::PLACE_BYTES } else { 0 };
-    most_samples(chart) * (8 + place) + (24 << 20)
 }
 
 /// Where tiles go, and what was made of a region so far.

@@ -1,18 +1,12 @@
 //! Options of tile sets.
 
-use std::path::Path;
-
 use terrane_options::{Options, Range, Rule};
 
-use super::{
-    Beyond, Format, GroundModel, Kept, TilesJob, TilesReport, check_formats, run, run_cloud, run_in,
-};
-use terrane_base::error::Result;
+use super::beyond::Beyond;
+use super::format::Format;
 use terrane_engine::Resources;
-use terrane_engine::operation::{Operation, Request, Writes};
 use terrane_engine::options::{CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
 use terrane_lidar::grid::{AsText, GroundFrom};
-use terrane_raster::Inputs;
 
 /// What tiles hold
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
@@ -140,67 +134,4 @@ pub struct ModelOptions {
     /// are any, else by the method adaptive
     #[option(value = "HOW", with = AsText)]
     pub ground: GroundFrom,
-}
-
-impl Operation for TilesOptions {
-    const NAME: &'static str = "tiles";
-    type Input = GridInput;
-    const WRITES: Writes = Writes::Tiles;
-    type Report = TilesReport;
-
-    fn check(&self, _output: &Path) -> Result<()> {
-        check_formats(&self.tiles)
-    }
-
-    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let Request { inputs, output, skipped, progress, cancel, .. } = request;
-        let job = self.job(inputs, output);
-        match &self.resuming.workdir {
-            None => run(&job, progress, cancel),
-            Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
-        }
-    }
-}
-
-impl TilesOptions {
-    pub(super) fn job(&self, inputs: &Inputs, output: &Path) -> TilesJob {
-        TilesJob {
-            reading: self.grid.clone(),
-            overwrite: self.replacing.overwrite,
-            tiles: self.tiles.clone(),
-            resources: self.resources.clone(),
-            ..TilesJob::new(inputs.clone(), output)
-        }
-    }
-}
-
-impl Operation for CloudTilesOptions {
-    const NAME: &'static str = "cloud-tiles";
-    type Input = CloudInput;
-    const WRITES: Writes = Writes::Tiles;
-    type Report = TilesReport;
-
-    fn check(&self, _output: &Path) -> Result<()> {
-        check_formats(&self.tiles)
-    }
-
-    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let Request { inputs, output, skipped, progress, cancel, .. } = request;
-        let job = TilesJob {
-            reading: GridInput::with_water(self.water.clone()),
-            overwrite: self.replacing.overwrite,
-            tiles: self.tiles.clone(),
-            resources: self.resources.clone(),
-            ..TilesJob::new("", output)
-        };
-        let model = GroundModel {
-            input: inputs.clone(),
-            cloud: self.cloud.options(&self.resources)?,
-            model: self.model.clone(),
-        };
-        let disk = self.resuming.disk();
-        let kept = self.resuming.workdir.as_deref();
-        let kept = kept.map(|folder| Kept { folder, skipped, disk });
-        run_cloud(&model, &job, kept, progress, cancel)
-    }
 }

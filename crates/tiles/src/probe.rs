@@ -3,8 +3,9 @@
 use std::sync::Mutex;
 
 use super::folder::Made;
+use super::ground::Ground;
 use super::object::{ENTRY, FACTS};
-use super::{Ground, Opened};
+use super::opened::Opened;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, workers};

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use terrane_engine::figures::Figures;
-use terrane_engine::plan::Written;
+use terrane_engine::plan::{self, Written};
 
 /// What a job that makes tiles did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -59,6 +59,9 @@ pub struct TilesStatus {
     /// Of the grid.
     pub samples: u64,
 }
+
+/// The plan of tiles, or how far the work on it has come.
+pub type StatusReport = plan::StatusReport<TilesStatus>;
 
 /// What is told of a run on tiles alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

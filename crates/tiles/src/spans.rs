@@ -60,6 +60,12 @@ impl Known {
     }
 }
 
+/// Whether a tile belongs to all that is known and is not there.
+pub(super) fn is_missing(id: TileId, [there, known]: [&Known; 2]) -> bool {
+    let holds = |known: &Known| known.level(id.level).holds(id.x, id.y);
+    holds(known) && !holds(there)
+}
+
 impl Spans {
     /// Adds a tile, unless it is there.
     pub(super) fn insert(&mut self, x: u32, y: u32) {

@@ -9,8 +9,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use serde_json::{Map, Value, json};
 use terrane_options::Choice;
 
+use super::ground::Ground;
+use super::opened::Opened;
 use super::report::LevelReport;
-use super::{Ground, Opened};
 use terrane_globe::{CLASS, Facts, SUBTREE_LEVELS, TileId, level_error, subtree, subtree_of};
 
 /// The name of what says what there is.

@@ -8,11 +8,14 @@ use serde::{Deserialize, Serialize};
 
 use super::division::{Division, Sweep, Task};
 use super::folder::{Folder, Made as Tile};
+use super::ground::Ground;
+use super::job::TilesJob;
 use super::object::{Writer, add_glances, add_known, each_tile};
+use super::opened::{Opened, worker_bytes};
 use super::place::Place;
 use super::report::{TilesReport, TilesRun, TilesStatus};
-use super::spans::Known;
-use super::{Ground, Opened, TilesJob, glance, is_missing, probe};
+use super::spans::{Known, is_missing};
+use super::{glance, probe};
 use terrane_options::Choice;
 
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -83,7 +86,7 @@ impl Tiles {
         let samples = self.grid.samples() as f64;
         let [bytes, output] = probe::expect(opened)?;
         let [shared, each] = opened.mask.as_ref().map_or([0; 2], |mask| mask.bytes(1));
-        let worker = glance::worker_bytes(&opened.look) + each;
+        let worker = worker_bytes(&opened.look) + each;
         let held = with_slack(opened.look.bytes() + shared) + worker;
         Ok(Needs {
             memory: memory::least(held, opened.grid.block_bytes()),

@@ -1,0 +1,66 @@
+//! What is known of a grid once all of it was looked at, and the levels that are made of it.
+
+use super::format::Format;
+use super::job::TilesJob;
+use super::opened::Opened;
+use terrane_globe::{Level, Overview, Relief, TileId, in_shorts};
+use terrane_raster::{self as raster, looks_like_nodata};
+
+/// What is known once all was looked at.
+pub(super) struct Ground<'a> {
+    pub(super) opened: &'a Opened,
+    pub(super) overview: &'a Overview,
+    /// By set, from level 0 on.
+    pub(super) levels: Vec<Vec<Level>>,
+}
+
+impl<'a> Ground<'a> {
+    pub(super) fn new(opened: &'a Opened, overview: &'a Overview) -> Self {
+        let reliefs = overview.reliefs(opened.division.last);
+        let of_set = |format: &Format| levels(*format, opened, overview.ends(), &reliefs);
+        let levels = opened.job.tiles.format.iter().map(of_set).collect();
+        Self { opened, overview, levels }
+    }
+
+    /// The level of a tile, by set.
+    pub(super) fn of_level(&self, id: TileId) -> impl Iterator<Item = &Level> {
+        self.levels.iter().map(move |levels| &levels[usize::from(id.level)])
+    }
+
+    /// The lowest height as it is stored, where it looks like a nodata value.
+    fn suspect(&self) -> Option<f64> {
+        let lowest = self.overview.range[0] / self.opened.heights.lift.metres;
+        looks_like_nodata(lowest, self.opened.grid.info())
+    }
+
+    /// What is to be said of the heights.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let of_nodata = self.suspect().map(|stored| {
+            format!("the lowest height, {stored:e}, looks like an undeclared nodata value")
+        });
+        let info = self.opened.grid.info();
+        let metres = self.opened.heights.lift.metres;
+        let [a, b] = self.overview.range.map(|height| height / metres);
+        let odd = raster::no_terrain(info, [a.min(b), a.max(b)]).filter(|_| of_nodata.is_none());
+        let of_grid = raster::cautions(info).into_iter().chain(odd);
+        self.opened.heights.notes.iter().cloned().chain(of_nodata).chain(of_grid).collect()
+    }
+}
+
+/// The levels of a set, of heights in a range.
+fn levels(format: Format, opened: &Opened, range: [f64; 2], reliefs: &[Relief]) -> Vec<Level> {
+    let Opened { job: TilesJob { tiles, .. }, division, .. } = opened;
+    let mut levels: Vec<Level> = Vec::with_capacity(reliefs.len());
+    for (number, relief) in (0..).zip(reliefs) {
+        let level = Level::new(number, division.place.spacing, relief);
+        levels.push(match format {
+            Format::QuantizedMesh => level,
+            Format::ThreeTiles => {
+                let level = if tiles.skirts { level.with_skirts(levels.last()) } else { level };
+                let level = level.on_lattice(range);
+                if tiles.meshopt { in_shorts(level) } else { level }
+            }
+        });
+    }
+    levels
+}

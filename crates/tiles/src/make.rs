@@ -1,0 +1,172 @@
+//! Makes tiles of a grid: at once, or by a plan.
+
+use std::path::Path;
+use std::time::Instant;
+
+use super::division::Division;
+use super::folder::Folder;
+use super::glance;
+use super::ground::Ground;
+use super::job::{PlanJob, TilesJob, check_formats};
+use super::opened::Opened;
+use super::options::{TileOptions, TilesOptions};
+use super::report::{StatusReport, TilesReport, TilesRun, TilesStatus};
+use super::spans::is_missing;
+use super::work::Tiles;
+use terrane_base::error::Result;
+use terrane_engine::figures::Figures;
+use terrane_engine::operation::{Divisible, Operation, Request, Writes};
+use terrane_engine::options::GridInput;
+use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob};
+use terrane_engine::sift::Skipped;
+use terrane_engine::{Cancel, Progress, beside, workers};
+use terrane_files::refuse_held;
+use terrane_globe::TileId;
+use terrane_raster::Inputs;
+
+impl Operation for TilesOptions {
+    const NAME: &'static str = "tiles";
+    type Input = GridInput;
+    const WRITES: Writes = Writes::Tiles;
+    type Report = TilesReport;
+
+    fn check(&self, _output: &Path) -> Result<()> {
+        check_formats(&self.tiles)
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
+        let Request { inputs, output, skipped, progress, cancel, .. } = request;
+        let job = self.job(inputs, output);
+        match &self.resuming.workdir {
+            None => run(&job, progress, cancel),
+            Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
+        }
+    }
+}
+
+/// Makes tiles. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// A grid whose place on the globe is not known, or one around a pole or across 180 degrees;
+/// an output that exists; all that reading and writing may find.
+pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TilesReport> {
+    let (started, at) = (Instant::now(), At { progress, cancel });
+    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    let folder = Folder::create(job)?;
+    let opened = Opened::new(job)?;
+    let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.whole[1]]);
+    glance::look(&opened, rows, at, |glance| {
+        gathered.add(glance);
+        Ok(())
+    })?;
+    let overview = opened.seen(gathered)?;
+    let ground = Ground::new(&opened, &overview);
+    ground.make(&folder, at)?;
+    let made = folder.finish(&ground, cancel)?;
+    let run = Figures::since(started, &job.resources).with_threads(opened.shares.threads);
+    Ok(TilesReport { run, ..made })
+}
+
+impl TilesOptions {
+    fn job(&self, inputs: &Inputs, output: &Path) -> TilesJob {
+        TilesJob {
+            reading: self.grid.clone(),
+            overwrite: self.replacing.overwrite,
+            tiles: self.tiles.clone(),
+            resources: self.resources.clone(),
+            ..TilesJob::new(inputs.clone(), output)
+        }
+    }
+}
+
+impl Divisible for TilesOptions {
+    const TASK_SIZE: &'static str = "Tiles in a task: regions of about a million samples, each made with all tiles in it, or \
+                                     larger ones [default: 128]";
+    terrane_engine::planned_as!(Tiles, TilesStatus, TilesRun);
+
+    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
+        let Request { inputs, output: folder, skipped, .. } = request;
+        let job = self.job(inputs, &folder.join("tiles"));
+        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+        plan_tiles(&PlanJob { job, folder, cut: task_size, skipped })
+    }
+}
+
+/// Writes down what is to be made, from what, by which tasks, and what they need.
+///
+/// # Errors
+/// Those of [`run`] that are found before the work; `Usage` for a folder that holds another plan or other files.
+pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
+    let plan::PlanJob { job, folder, cut, skipped } = job;
+    refuse_held(job.input.names())?;
+    let (input, reading) = (job.input.resolve()?, job.reading.absolute()?);
+    let geoid = job.tiles.geoid.as_deref().map(beside::absolute).transpose()?;
+    let tiles = TileOptions { geoid, ..job.tiles.clone() };
+    let opened = Opened::new(&TilesJob { input, reading, tiles, ..job.clone() })?;
+    let tiles = Tiles::new(&opened, *cut)?;
+    let files = opened.files();
+    let there = Plan::<Tiles>::there(folder);
+    let needs = there.map_or_else(|| tiles.needs(&opened), |plan| Ok(plan.needs))?;
+    let label = opened.job.input.to_string();
+    Plan::new(tiles, (label, files), needs, skipped)?.put(folder)?;
+    plan::status::<Tiles>(folder)
+}
+
+/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
+/// `skipped` are files that are left out of the input, to be noted in the plan.
+///
+/// # Errors
+/// Those of [`plan_tiles`] and of any [`RunJob`].
+pub fn run_in(
+    folder: &Path,
+    job: &TilesJob,
+    skipped: &[Skipped],
+    disk: DiskCheck,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesReport> {
+    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
+    let all = RunJob::until(to, job.overwrite, Form::default(), with);
+    let plan = || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop);
+    let report = plan::run_in::<Tiles>(&all, plan, At { progress, cancel })?;
+    let mut tiles = Kind::Tiles.made(report.of.tiles)?;
+    tiles.run.wall_seconds = report.wall_seconds;
+    Ok(tiles)
+}
+
+impl Ground<'_> {
+    fn make(&self, folder: &Folder, at: At<'_>) -> Result<()> {
+        let Division { near, .. } = self.opened.division;
+        self.each("near levels", &self.opened.division.regions().all(), at, |id| {
+            self.region(id, &mut |made| folder.put(&made), at.cancel)
+        })?;
+        let mut known = folder.known();
+        let there = known.clone();
+        known.add_above(near);
+        let mut above = self.opened.division.above(self.opened.division.far_end()).all();
+        above.retain(|id| is_missing(*id, [&there, &known]));
+        self.each("far levels", &above, at, |id| {
+            self.far(id, &known, at.cancel)?.iter().try_for_each(|made| folder.put(made))
+        })
+    }
+
+    /// Does something to each tile, on all threads.
+    fn each(
+        &self,
+        stage: &str,
+        tiles: &[TileId],
+        at: At<'_>,
+        work: impl Fn(TileId) -> Result<()> + Sync,
+    ) -> Result<()> {
+        at.progress.begin(stage, tiles.len() as u64);
+        let one = |(): &mut (), i: u64| {
+            work(tiles[i as usize])?;
+            at.progress.advance(1);
+            Ok(())
+        };
+        let (threads, count) = (self.opened.shares.threads, tiles.len() as u64);
+        workers::run(threads, count, at.cancel, || (), one, Ok)?;
+        at.progress.end();
+        Ok(())
+    }
+}

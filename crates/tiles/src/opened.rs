@@ -1,0 +1,131 @@
+//! A grid that is opened, and how the work on it is divided.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::division::{Division, REGION};
+use super::job::{TilesJob, check_formats};
+use super::mask::Mask;
+use super::place::{self, Heights, Place};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_engine::memory::{self, Shares};
+use terrane_engine::plan;
+use terrane_globe::{Blocks, Chart, DEEPEST, Gathered, Overview, Patch, Plan, deepest_for};
+use terrane_raster::{GridSource, Water};
+
+/// Metres below or above which there is no ground.
+const MOST_HEIGHT: f64 = 1e6;
+/// Samples around a region that slopes are told from.
+pub(super) const APRON: u32 = 10;
+
+/// A grid that is opened, and how the work on it is divided.
+pub(super) struct Opened {
+    pub(super) job: TilesJob,
+    pub(super) grid: Box<dyn GridSource>,
+    pub(super) shares: Shares,
+    pub(super) heights: Heights,
+    /// What is water, where tiles tell of it.
+    pub(super) mask: Option<Mask>,
+    pub(super) division: Division,
+    /// What is looked at first.
+    pub(super) look: Plan,
+}
+
+/// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
+pub(super) fn most_samples(chart: &Chart) -> u64 {
+    let side = REGION as u64 + 2 * APRON as u64 + 4;
+    if chart.is_bent() { 2 * side * side } else { side * side }
+}
+
+/// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
+/// and a row of blocks.
+pub(super) fn worker_bytes(plan: &Plan) -> u64 {
+    /// Two points in a list that grows, and the place of the next of each.
+    const BLOCK: u64 = 2 * (2 * 12 + 4);
+    let Blocks { side, counts, .. } = plan.blocks;
+    let blocks = counts.map(u64::from).iter().product::<u64>();
+    let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
+    near_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
+}
+
+/// Bytes that a worker takes, of near levels: the samples of a region, and the points of a tile with what is kept of each.
+fn near_bytes(chart: &Chart) -> u64 {
+    let place = if chart.is_bent() { Patch::PLACE_BYTES } else { 0 };
+    most_samples(chart) * (8 + place) + (24 << 20)
+}
+
+impl Opened {
+    pub(super) fn new(job: &TilesJob) -> Result<Self> {
+        if let Some(level) = job.tiles.max_level.filter(|level| *level > DEEPEST) {
+            return Err(Error::usage(format!("level {level} is too deep"))
+                .remedy(format!("choose {DEEPEST} at most")));
+        }
+        check_formats(&job.tiles)?;
+        let options = job.reading.options(&job.resources, 0)?;
+        let seen = memory::look_at(&job.input, &options)?;
+        let (input, resources) = ((&job.input, job.tiles.geoid.as_deref()), &job.resources);
+        let (chart, heights) = place::of(seen.info(), input, resources)?;
+        let chart = chart.sloping(job.tiles.beyond.slope());
+        let last = job.tiles.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
+        let water = options.water.as_ref().filter(|_| job.tiles.water_mask);
+        let mask = |water: &Arc<Water>| Mask::of(water, seen.info(), last, resources);
+        let mask = water.map(mask).transpose()?;
+        let division = Division::new(Place::of(&chart), last);
+        let [meridians, parallels] = division.lines();
+        let look = Plan::new(chart, [&meridians, &parallels]);
+        let [shared, each] = mask.as_ref().map_or([0; 2], |mask| mask.bytes(resources.threads));
+        let held = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
+        let worker = worker_bytes(&look) + each;
+        let (grid, shares) =
+            memory::open_beside(held, &job.input, &options, &job.resources, worker)?;
+        Ok(Self { job: job.clone(), grid, shares, heights, mask, division, look })
+    }
+
+    /// Reads heights in metres.
+    pub(super) fn read(&self, rect: Rect, heights: &mut Vec<f64>) -> Result<()> {
+        heights.clear();
+        heights.resize(rect.len(), 0.0);
+        self.grid.read_f64(rect, heights)?;
+        let width = rect.width as usize;
+        self.heights.lift.lift(heights, |number| {
+            let [col, row] = [number % width, number / width].map(|at| at as f64);
+            let [first, top] = [rect.col, rect.row].map(f64::from);
+            Ok(self.look.chart().place([first + col, top + row]))
+        })
+    }
+
+    /// The files that are read.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        let Self { job, grid, .. } = self;
+        let geoid = job.tiles.geoid.iter().map(PathBuf::from);
+        plan::grid_files(&job.input, &job.reading, &**grid).into_iter().chain(geoid).collect()
+    }
+
+    /// What the grid is called.
+    pub(super) fn name(&self) -> PathBuf {
+        PathBuf::from(self.job.input.to_string())
+    }
+
+    /// The grid from afar.
+    ///
+    /// # Errors
+    /// One without a sample, or with absurd heights.
+    pub(super) fn seen(&self, gathered: Gathered) -> Result<Overview> {
+        let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
+        let overview = gathered.finish().ok_or_else(|| {
+            let remedy = "check its nodata value, or choose another ‹band›";
+            refuse(Error::bad_input("the grid has no valid sample"), remedy)
+        })?;
+        let [lowest, highest] = overview.range;
+        let furthest = if lowest < -MOST_HEIGHT { lowest } else { highest };
+        if furthest.abs() > MOST_HEIGHT {
+            // As the sample is held, so that the digits are those of the file.
+            let stored = (furthest / self.heights.lift.metres) as f32;
+            let remedy = format!("if it stands for nodata, pass ‹nodata› {stored:e}");
+            let error = Error::bad_input(format!("the height {stored:e} is absurd"));
+            return Err(refuse(error, &remedy));
+        }
+        Ok(overview)
+    }
+}
