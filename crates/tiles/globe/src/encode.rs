@@ -7,7 +7,7 @@ use crate::globe::{EQUATOR, Upright, Vector};
 use crate::ground::Ground;
 use crate::horizon;
 use crate::level::Level;
-use crate::surface::{Tile, Vertex};
+use crate::tile::{Tile, Vertex};
 use crate::tiling::{self, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
 

@@ -1,8 +1,8 @@
 //! Triangles above each other: clients that decode earth-centred coordinates put vertices on a lattice, and where these
 //! are nearer to each other than its steps a triangle may be turned over. A sample there has several distances.
 
+use crate::facet::Facet;
 use crate::globe::{EQUATOR, Frame, Upright};
-use crate::measure::Facet;
 use crate::tiling::{STEPS, TileId, degrees};
 
 /// Part of a triangle's length that it has to reach up, so that it is not turned over whatever is exactly upright.

@@ -12,7 +12,7 @@ use crate::horizon;
 use crate::level::Level;
 use crate::parts::{MESHOPT, Parts};
 use crate::skirt::skirted;
-use crate::surface::{Tile, Vertex};
+use crate::tile::{Tile, Vertex};
 use crate::tiling::{STEPS, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
 

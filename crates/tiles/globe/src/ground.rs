@@ -5,27 +5,9 @@ use std::collections::BTreeMap;
 
 use crate::chart::{Chart, Spot};
 use crate::globe::Upright;
-use crate::run::{Column, Parallel, Row, Run};
+use crate::run::{Column, Parallel, Row, Run, Sample};
 use crate::tiling::Bounds;
 use terrane_base::geom::{Affine, Rect};
-
-/// A sample of the ground.
-#[derive(Clone, Copy, Debug)]
-pub struct Sample {
-    /// Longitude and latitude in degrees.
-    pub place: [f64; 2],
-    /// Metres.
-    pub height: f64,
-    /// What is upright there.
-    pub upright: Upright,
-}
-
-impl Sample {
-    /// A sample at a longitude and a latitude.
-    pub fn new(place: [f64; 2], height: f64) -> Self {
-        Self { place, height, upright: Upright::at(place) }
-    }
-}
 
 /// What is known of the ground. Everything is a function of the grid and the place alone, so that tiles that share
 /// a border agree on it.

@@ -2,7 +2,6 @@
 //! the ground is looked at.
 
 use crate::globe::EQUATOR;
-use crate::surface::nearest;
 use crate::tiling;
 
 /// Samples that a tile has along a side when it is first made, at least, where there are as many.
@@ -175,6 +174,13 @@ impl Level {
 pub fn deepest_for(spacing: f64) -> u8 {
     let is_fine = |level: &u8| tiling::degrees(*level) <= 64.0 * spacing * (1.0 + 1e-9);
     (0..tiling::DEEPEST).find(is_fine).unwrap_or(tiling::DEEPEST)
+}
+
+/// The nearest whole number, without the call that rounding takes on processors of all kinds.
+pub(crate) fn nearest(value: f64) -> i32 {
+    /// Makes all values positive that are in reach.
+    const UP: f64 = (1_u64 << 31) as f64;
+    ((value + UP + 0.5) as i64 - (1 << 31)) as i32
 }
 
 fn power_below(value: f64) -> f64 {

@@ -18,6 +18,7 @@
 mod border;
 mod chart;
 mod encode;
+mod facet;
 mod fold;
 mod globe;
 mod gltf;
@@ -35,17 +36,19 @@ mod surface;
 mod table;
 #[cfg(test)]
 mod tests;
+mod tile;
 mod tiling;
 
 pub use chart::Chart;
 pub use encode::{Extras, MASK_SIDE, MASK_WATER, quantized_mesh};
 pub use globe::{Turn, Upright, Vector};
 pub use gltf::{Facts, Form, glb, in_shorts};
-pub use ground::{Fill, Ground, Means, Patch, Sample};
+pub use ground::{Fill, Ground, Means, Patch};
 pub use level::{Level, Relief, deepest_for};
-pub use measure::{Measure, Shell};
+pub use measure::Shell;
 pub use overview::{Block, Blocks, Gathered, Glance, Lie, Overview, Plan};
-pub use run::{Row, Run};
+pub use run::{Row, Run, Sample};
 pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
-pub use surface::{Builder, Tile, Vertex, build};
+pub use surface::{Builder, build};
+pub use tile::{Measure, Tile, Vertex};
 pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};

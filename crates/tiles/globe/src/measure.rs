@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
+use crate::facet::{Facet, Seen};
 use crate::fold::Folds;
 use crate::globe::{Frame, POLE, Turn, Vector, beneath};
-use crate::ground::Sample;
 use crate::level::Level;
-use crate::run::{Column, Parallel, Row, Run};
-use crate::surface::Vertex;
+use crate::run::{Column, Parallel, Row, Run, Sample};
+use crate::tile::{Measure, Vertex};
 use crate::tiling::{STEPS, TileId};
 
 /// Degrees from the equator beyond which meridians are too close to each other for planes.
@@ -21,78 +21,6 @@ const POLAR: f64 = 1e-6;
 
 /// No triangle.
 const NONE: u32 = u32::MAX;
-
-/// What was measured of samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measure {
-    /// Samples.
-    pub samples: u64,
-    /// Metres of the largest vertical distance.
-    pub largest: f64,
-}
-
-impl Measure {
-    /// Adds what was measured of other samples.
-    pub fn join(&mut self, other: Self) {
-        self.samples += other.samples;
-        self.largest = self.largest.max(other.largest);
-    }
-}
-
-/// A triangle of the surface.
-pub(crate) struct Facet {
-    pub(crate) corners: [Vector; 3],
-    /// At right angles to it; its length is twice the area.
-    pub(crate) across: Vector,
-    area: f64,
-    twins: [u32; 3],
-}
-
-impl Facet {
-    /// As it is seen from a sample.
-    #[inline]
-    pub(crate) fn seen_from(&self, frame: &Frame) -> Seen {
-        let corners = self.corners.map(|corner| frame.look(corner));
-        let part = |k: usize| {
-            let ([ax, ay, _], [bx, by, _]) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
-            ax * by - ay * bx
-        };
-        Seen { corners, parts: [part(0), part(1), part(2)], square: frame.square, area: self.area }
-    }
-}
-
-/// A triangle as it is seen from a sample.
-pub(crate) struct Seen {
-    /// As [`Frame::look`] has them.
-    pub(crate) corners: [[f64; 3]; 3],
-    /// Of each corner, twice the area between the sample and the side across from it, from above, times `square`.
-    pub(crate) parts: [f64; 3],
-    square: f64,
-    /// Twice the area of the triangle.
-    area: f64,
-}
-
-impl Seen {
-    /// How far the sample is from the plane, along what is upright there, and metres up the plane for one along it.
-    fn plane(&self) -> [f64; 2] {
-        let ([a, b, c], [p, q, r]) = (self.corners, self.parts);
-        let flat = (p + q + r).abs();
-        [(p * a[2] + q * b[2] + r * c[2]).abs() / flat, self.area * self.square / flat]
-    }
-
-    /// How far the sample, whose place may be off by so many metres, is from the plane.
-    pub(crate) fn off(&self, doubt: f64) -> f64 {
-        let [off, steep] = self.plane();
-        off + steep * doubt
-    }
-
-    /// Whether the sample is nearer to the side across from a corner than its place may be off by.
-    fn is_beside(&self, corner: usize, doubt: f64) -> bool {
-        let [[ax, ay, _], [bx, by, _]] = [1, 2].map(|k| self.corners[(corner + k) % 3]);
-        let [x, y] = [bx - ax, by - ay];
-        self.parts[corner].powi(2) <= (x * x + y * y) * self.square * doubt * doubt
-    }
-}
 
 /// Metres that all that is rounded is far below.
 const HAIR: f64 = 1e-6;
@@ -179,9 +107,7 @@ impl Shell {
             starts[square(v) * squares + square(u)] = number;
         }
         let facet = |(corners, twins): &([u32; 3], [u32; 3])| {
-            let corners = corners.map(|corner| points[corner as usize]);
-            let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            Facet { corners, across, area: across.length(), twins: *twins }
+            Facet::new(corners.map(|corner| points[corner as usize]), *twins)
         };
         let facets: Vec<Facet> = triangles.iter().map(facet).collect();
         let inner = (0..).zip(&triangles).zip(&is_flat).filter(|(_, is_flat)| !**is_flat);

@@ -1,7 +1,24 @@
-//! Samples that are handed on together, so that what they have in common is found once.
+//! Samples of the ground, and those that are handed on together, so that what they have in common is found once.
 
 use crate::globe::{Turn, Upright, bend};
-use crate::ground::Sample;
+
+/// A sample of the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Longitude and latitude in degrees.
+    pub place: [f64; 2],
+    /// Metres.
+    pub height: f64,
+    /// What is upright there.
+    pub upright: Upright,
+}
+
+impl Sample {
+    /// A sample at a longitude and a latitude.
+    pub fn new(place: [f64; 2], height: f64) -> Self {
+        Self { place, height, upright: Upright::at(place) }
+    }
+}
 
 /// A meridian of samples.
 #[derive(Clone, Copy, Debug)]

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::surface::{Tile, Vertex};
+use crate::tile::{Tile, Vertex};
 
 /// The tile with its skirt, which hangs so many steps of heights down: below each vertex of its rim one more, and two
 /// triangles below each edge of it, seen from outside.

@@ -4,11 +4,12 @@
 use std::cell::RefCell;
 
 use crate::border::{self, Side};
-use crate::globe::{Turn, Upright, Vector, bend};
-use crate::ground::{Ground, Sample};
-use crate::level::Level;
-use crate::measure::{Measure, Shell};
-use crate::run::{Column, Row, Run};
+use crate::globe::{Turn, Upright, bend};
+use crate::ground::Ground;
+use crate::level::{Level, nearest};
+use crate::measure::Shell;
+use crate::run::{Column, Row, Run, Sample};
+use crate::tile::{Measure, Tile, Vertex, point};
 use crate::tiling::{STEPS, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
@@ -23,44 +24,6 @@ const MOST_KEPT: usize = 1 << 17;
 thread_local! {
     /// Room for the points of a tile: to have it anew for each costs more than to fill it.
     static POINTS: RefCell<Vec<Point>> = const { RefCell::new(Vec::new()) };
-}
-
-/// A vertex of a tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Vertex {
-    /// Steps from the west and from the south, of [`STEPS`].
-    pub at: [i32; 2],
-    /// Steps of the level from the ellipsoid.
-    pub height: i32,
-}
-
-/// A tile that is made.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tile {
-    /// Which.
-    pub id: TileId,
-    /// Metres of a step of heights.
-    pub step: f64,
-    /// Metres of a step of earth-centred coordinates, as of [`Level::lattice`].
-    pub lattice: Option<f64>,
-    /// Those on the borders first.
-    pub vertices: Vec<Vertex>,
-    /// Counter-clockwise seen from above, as indices of vertices.
-    pub triangles: Vec<[u32; 3]>,
-    /// What was measured.
-    pub measure: Measure,
-}
-
-impl Tile {
-    /// Where a vertex is, as a client decodes it.
-    pub fn point(&self, vertex: Vertex) -> Vector {
-        point(self.id, (self.step, self.lattice), vertex)
-    }
-}
-
-fn point(id: TileId, (step, lattice): (f64, Option<f64>), vertex: Vertex) -> Vector {
-    let point = Upright::at(id.place(vertex.at)).point(f64::from(vertex.height) * step);
-    lattice.map_or(point, |lattice| point.rounded(lattice))
 }
 
 /// Where the samples of a column are in a tile.
@@ -334,13 +297,6 @@ impl Drop {
         let height = (f64::from(point.z) - fresh.of(at)) / (self.step / self.unit);
         Vertex { at, height: height.round() as i32 }
     }
-}
-
-/// The nearest whole number, without the call that rounding takes on processors of all kinds.
-pub(crate) fn nearest(value: f64) -> i32 {
-    /// Makes all values positive that are in reach.
-    const UP: f64 = (1_u64 << 31) as f64;
-    ((value + UP + 0.5) as i64 - (1 << 31)) as i32
 }
 
 /// A cosine, fast where angles are small.

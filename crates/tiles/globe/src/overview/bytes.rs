@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::{Block, Blocks, Extreme, Glance, Plan};
+use super::blocks::{Block, Blocks, Extreme};
+use super::plan::{Glance, Plan};
 use crate::ground::Means;
 use terrane_base::geom::Rect;
 

@@ -1,292 +1,23 @@
 //! The ground from afar: a plane for each block of samples and how far they are from it, for the levels whose tiles
 //! have too many samples to look at each again and again; and the samples along the lines where these tiles meet.
 
+mod blocks;
 mod bytes;
 mod lines;
+mod plan;
 mod relief;
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
-use crate::chart::{Chart, Spot};
-use crate::ground::{Fill, Ground, Means, Sample, around, between, feet};
-use crate::run::Run;
+use crate::chart::Spot;
+use crate::ground::{Fill, Ground, around, between, feet};
+use crate::run::{Run, Sample};
 use crate::tiling::Bounds;
-use lines::{Lines, beside, spots, whole};
+use blocks::Extreme;
+pub use blocks::{Block, Blocks};
+use lines::beside;
+pub use plan::{Gathered, Glance, Plan};
 use terrane_base::geom::Rect;
-
-/// Samples along a block, at least.
-const LEAST_SIDE: u32 = 16;
-/// Blocks of a grid, at most.
-const MOST_BLOCKS: u64 = 1 << 21;
-
-/// What is known of a block of samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Block {
-    /// Valid samples.
-    pub count: u32,
-    /// Height at its first sample, and what a column and a row add.
-    plane: [f64; 3],
-    /// The samples that are furthest below the plane, and above it.
-    ends: [Extreme; 2],
-    /// Metres between the heights of two of its samples beside each other, at the most.
-    jump: f64,
-}
-
-/// A sample of a block.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Extreme {
-    /// Columns and rows from the first sample of the block.
-    at: [u16; 2],
-    height: f64,
-    /// Metres above the plane.
-    off: f64,
-}
-
-/// How a grid is divided into blocks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blocks {
-    /// Samples along the side of a block.
-    pub side: u32,
-    /// Columns and rows of blocks.
-    pub counts: [u32; 2],
-    /// Columns and rows of samples.
-    whole: [u32; 2],
-}
-
-impl Blocks {
-    /// Of a grid of so many columns and rows.
-    pub fn of(whole: [u32; 2]) -> Self {
-        let count =
-            |side: u32| whole.map(|end| u64::from(end.div_ceil(side))).iter().product::<u64>();
-        let mut side = LEAST_SIDE;
-        while count(side) > MOST_BLOCKS {
-            side *= 2;
-        }
-        Self { side, counts: whole.map(|end| end.div_ceil(side)), whole }
-    }
-
-    /// The samples of a block.
-    pub fn rect(&self, [col, row]: [u32; 2]) -> Rect {
-        let [col, row] = [col * self.side, row * self.side];
-        Rect::new(col, row, self.side.min(self.whole[0] - col), self.side.min(self.whole[1] - row))
-    }
-}
-
-impl Block {
-    /// Of heights, `stride` values from one row to the next.
-    fn of(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> Self {
-        let at = |col: usize, row: usize| heights[row * stride + col];
-        let valid = || {
-            let all = (0..height).flat_map(move |row| (0..width).map(move |col| (col, row)));
-            all.filter_map(move |(col, row)| {
-                let z = at(col, row);
-                z.is_finite().then_some((col as f64, row as f64, z))
-            })
-        };
-        let Some((_, _, first)) = valid().next() else { return Self::default() };
-        let mut sums = [0.0; 9];
-        for (x, y, z) in valid() {
-            let z = z - first;
-            let terms = [1.0, x, y, z, x * x, x * y, y * y, x * z, y * z];
-            (0..9).for_each(|i| sums[i] += terms[i]);
-        }
-        let [n, x, y, z, xx, xy, yy, xz, yz] = sums;
-        let [xx, xy, yy] = [xx - x * x / n, xy - x * y / n, yy - y * y / n];
-        let [xz, yz] = [xz - x * z / n, yz - y * z / n];
-        let area = xx * yy - xy * xy;
-        // Of less than three samples, or some on a line, the plane is level.
-        let slopes = match area > 1e-9 * (xx * yy).max(1.0) {
-            true => [(xz * yy - yz * xy) / area, (yz * xx - xz * xy) / area],
-            false => [0.0; 2],
-        };
-        let base = first + (z - slopes[0] * x - slopes[1] * y) / n;
-        let mut block = Self {
-            count: n as u32,
-            plane: [base, slopes[0], slopes[1]],
-            ends: [Extreme::default(); 2],
-            jump: jump(heights, stride, [width, height]),
-        };
-        let found = valid().map(|(x, y, height)| {
-            let at = [x as u16, y as u16];
-            Extreme { at, height, off: height - block.height([x, y]) }
-        });
-        let less = |a: &Extreme, b: &Extreme| a.off.total_cmp(&b.off);
-        let low = found.clone().min_by(less).unwrap_or_default();
-        let high = found.max_by(less).unwrap_or_default();
-        block.ends = [low, high];
-        block
-    }
-
-    /// The height of the plane, so many columns and rows from the first sample.
-    fn height(&self, [col, row]: [f64; 2]) -> f64 {
-        self.plane[0] + self.plane[1] * col + self.plane[2] * row
-    }
-
-    /// Metres that no sample is further from the plane.
-    pub fn off(&self) -> f64 {
-        // What was added up is rounded.
-        let size = self.plane[0].abs() + self.plane[1].abs() * 1e4 + self.plane[2].abs() * 1e4;
-        self.ends[0].off.abs().max(self.ends[1].off.abs()) + size * 1e-12
-    }
-}
-
-/// A part of what is looked at in a first pass, to be gathered with the others.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Glance {
-    rect: Rect,
-    blocks: Vec<Block>,
-    lines: [BTreeMap<u32, Vec<f64>>; 2],
-    means: Means,
-    range: Option<[f64; 2]>,
-}
-
-/// What is to be looked at: a grid of blocks, and the columns and rows of which samples are kept.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// How it is divided.
-    pub blocks: Blocks,
-    chart: Chart,
-    lines: [Lines; 2],
-}
-
-impl Plan {
-    /// Of a grid. Along the meridians and parallels of `lines` the samples on both sides are kept.
-    pub fn new(chart: Chart, lines: [&[f64]; 2]) -> Self {
-        let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
-        Self { blocks: Blocks::of(chart.whole()), chart, lines }
-    }
-
-    /// Where the samples of the grid are.
-    pub fn chart(&self) -> &Chart {
-        &self.chart
-    }
-
-    /// Looks at the samples of a rectangle whose sides are those of blocks, row by row.
-    pub fn look(&self, rect: Rect, heights: &[f64]) -> Glance {
-        let Blocks { side, whole, .. } = self.blocks;
-        let mut means = Means::new(whole);
-        for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {
-            means.add(rect.col, row, line);
-        }
-        let mut blocks = Vec::new();
-        for row in (0..rect.height).step_by(side as usize) {
-            for col in (0..rect.width).step_by(side as usize) {
-                let size = [side.min(rect.width - col), side.min(rect.height - row)];
-                let from = &heights[row as usize * rect.width as usize + col as usize..];
-                blocks.push(Block::of(from, rect.width as usize, size.map(|side| side as usize)));
-            }
-        }
-        let valid = || heights.iter().copied().filter(|height| height.is_finite());
-        let range = valid().map(|height| [height; 2]).reduce(both);
-        let width = rect.width as usize;
-        let line = |axis: usize, (line, part): (u32, Range<usize>)| {
-            let at = |along: u32| {
-                let [col, row] = if axis == 0 { [line, along] } else { [along, line] };
-                heights[(row - rect.row) as usize * width + (col - rect.col) as usize]
-            };
-            let heights = match &self.lines[axis][&line] {
-                None => part.map(|along| at(along as u32)).collect(),
-                Some(spots) => spots[part].iter().map(|along| at(*along)).collect(),
-            };
-            (line, heights)
-        };
-        let lines =
-            [0, 1].map(|axis| self.within(axis, rect).map(|found| line(axis, found)).collect());
-        Glance { rect, blocks, lines, means, range }
-    }
-
-    /// Bytes that what is seen of the whole grid takes.
-    pub fn bytes(&self) -> u64 {
-        let Blocks { counts, .. } = self.blocks;
-        let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<Block>() as u64;
-        let line = |axis: usize| {
-            let bytes = |spots: &Option<Vec<u32>>| {
-                let number = if spots.is_some() { size_of::<u32>() } else { 0 };
-                self.len(axis, spots) * (size_of::<f64>() + number)
-            };
-            self.lines[axis].values().map(bytes).sum::<usize>() as u64
-        };
-        blocks + line(0) + line(1) + Means::BYTES + self.chart.bytes()
-    }
-
-    /// Nothing seen yet.
-    pub fn gather(self) -> Gathered {
-        let Blocks { counts, whole, .. } = self.blocks;
-        let blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
-        let line = |axis: usize| {
-            let empty = |(at, spots): (&u32, _)| (*at, vec![f64::NAN; self.len(axis, spots)]);
-            self.lines[axis].iter().map(empty).collect()
-        };
-        let (lines, means) = ([line(0), line(1)], Means::new(whole));
-        Gathered { plan: self, blocks, lines, means, range: None }
-    }
-}
-
-/// What was seen so far, whatever the order.
-#[derive(Clone, Debug)]
-pub struct Gathered {
-    plan: Plan,
-    blocks: Vec<Block>,
-    lines: [BTreeMap<u32, Vec<f64>>; 2],
-    means: Means,
-    range: Option<[f64; 2]>,
-}
-
-impl Gathered {
-    /// What is looked at.
-    pub fn plan(&self) -> &Plan {
-        &self.plan
-    }
-
-    /// Adds what was seen in a rectangle.
-    pub fn add(&mut self, glance: Glance) {
-        let Blocks { side, counts, .. } = self.plan.blocks;
-        let Rect { col, row, width, .. } = glance.rect;
-        let across = width.div_ceil(side) as usize;
-        for (i, block) in glance.blocks.into_iter().enumerate() {
-            let [x, y] = [col / side, row / side].map(|at| at as usize);
-            self.blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
-        }
-        for axis in 0..2 {
-            for (at, part) in self.plan.within(axis, glance.rect) {
-                if let (Some(line), Some(heights)) =
-                    (self.lines[axis].get_mut(&at), glance.lines[axis].get(&at))
-                {
-                    line[part].copy_from_slice(heights);
-                }
-            }
-        }
-        self.means.join(&glance.means);
-        self.range = self.range.into_iter().chain(glance.range).reduce(both);
-    }
-
-    /// The grid from afar, once all was seen; `None` where all of it is void.
-    pub fn finish(self) -> Option<Overview> {
-        let Self { plan, blocks, lines, means, range } = self;
-        Some(Overview { plan, blocks, lines, fill: means.fill()?, range: range? })
-    }
-}
-
-/// Metres between two samples beside each other, at the most.
-fn jump(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> f64 {
-    let mut most = 0.0_f64;
-    for row in 0..height {
-        let line = &heights[row * stride..][..width];
-        let across = line.windows(2).map(|two| (two[1] - two[0]).abs());
-        // What is void compares as no number does.
-        most = across.fold(most, f64::max);
-        if row > 0 {
-            let above = &heights[(row - 1) * stride..][..width];
-            most = line.iter().zip(above).map(|(a, b)| (a - b).abs()).fold(most, f64::max);
-        }
-    }
-    most
-}
-
-fn both(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0].min(b[0]), a[1].max(b[1])]
-}
 
 /// Metres of a degree along the equator, about.
 const DEGREE: f64 = 111_000.0;
@@ -311,6 +42,14 @@ pub struct Overview {
     fill: Fill,
     /// Metres of the lowest and the highest sample.
     pub range: [f64; 2],
+}
+
+impl Gathered {
+    /// The grid from afar, once all was seen; `None` where all of it is void.
+    pub fn finish(self) -> Option<Overview> {
+        let Self { plan, blocks, lines, means, range } = self;
+        Some(Overview { plan, blocks, lines, fill: means.fill()?, range: range? })
+    }
 }
 
 impl Overview {
@@ -383,6 +122,62 @@ impl Overview {
         let ends = [[rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]];
         let [first, last] = ends.map(|end| end.map(f64::from));
         self.plan.chart.bow(first, last)
+    }
+}
+
+impl Overview {
+    /// The height between samples that are kept; `Err` where they are not.
+    fn kept(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
+        match self.plan.chart.map() {
+            Some(_) => self.on_line([col, row]),
+            None => self.on_spots([col, row]),
+        }
+    }
+
+    /// A sample that is kept, not a number where it is void; `None` where it is not kept.
+    fn sample(&self, at: [u32; 2]) -> Option<f64> {
+        (0..2).find_map(|axis| {
+            let (line, along) = (at[axis], at[1 - axis]);
+            let heights = self.lines[axis].get(&line)?;
+            match self.plan.lines[axis].get(&line)? {
+                None => heights.get(along as usize).copied(),
+                Some(spots) => spots.binary_search(&along).ok().map(|spot| heights[spot]),
+            }
+        })
+    }
+
+    /// The height between samples of two rows.
+    fn on_spots(&self, at: [f64; 2]) -> Result<Option<f64>, ()> {
+        let mut sum = 0.0;
+        for (at, part) in around(at) {
+            sum += part * self.sample(at).ok_or(())?;
+        }
+        Ok(sum.is_finite().then_some(sum))
+    }
+
+    /// The height on a column or row that is kept, between samples along it; `Err` where it is none of them.
+    fn on_line(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
+        for (axis, [across, along]) in [(0, [col, row]), (1, [row, col])] {
+            let first = across as u32;
+            let part = across - f64::from(first);
+            let next = first + u32::from(part > 0.0);
+            let [Some(a), Some(b)] = [first, next].map(|at| self.lines[axis].get(&at)) else {
+                continue;
+            };
+            let at = along as usize;
+            let down = along - at as f64;
+            let below = at + usize::from(down > 0.0);
+            let mixed = |line: &[f64]| match down > 0.0 {
+                true => line[at] * (1.0 - down) + line[below] * down,
+                false => line[at],
+            };
+            let height = match part > 0.0 {
+                true => mixed(a) * (1.0 - part) + mixed(b) * part,
+                false => mixed(a),
+            };
+            return Ok(height.is_finite().then_some(height));
+        }
+        Err(())
     }
 }
 
@@ -480,6 +275,7 @@ impl Ground for Overview {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chart::Chart;
     use proptest::prelude::*;
     use terrane_base::geom::Affine;
 

@@ -1,7 +1,9 @@
 //! What levels have to hold of a ground, told from blocks before any tile is made: how far apart heights in a tile may
 //! be, and how rough the ground is where a tile would have too many vertices.
 
-use super::{Block, Overview};
+use super::Overview;
+use super::blocks::Block;
+use super::plan::both;
 use crate::globe::EQUATOR;
 use crate::level::Relief;
 use crate::tiling::{degrees, level_error};
@@ -11,10 +13,6 @@ const MOST_VERTICES: u64 = 1 << 18;
 
 /// The lowest and the highest of no heights.
 const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
-
-fn both(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0].min(b[0]), a[1].max(b[1])]
-}
 
 impl Overview {
     /// The lowest and the highest height that a tile may have.

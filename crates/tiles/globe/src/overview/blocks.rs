@@ -1,0 +1,135 @@
+//! Blocks of samples: a plane for each, and how far its samples are from it.
+
+use terrane_base::geom::Rect;
+
+/// Samples along a block, at least.
+const LEAST_SIDE: u32 = 16;
+/// Blocks of a grid, at most.
+const MOST_BLOCKS: u64 = 1 << 21;
+
+/// What is known of a block of samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Block {
+    /// Valid samples.
+    pub count: u32,
+    /// Height at its first sample, and what a column and a row add.
+    pub(super) plane: [f64; 3],
+    /// The samples that are furthest below the plane, and above it.
+    pub(super) ends: [Extreme; 2],
+    /// Metres between the heights of two of its samples beside each other, at the most.
+    pub(super) jump: f64,
+}
+
+/// A sample of a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Extreme {
+    /// Columns and rows from the first sample of the block.
+    pub(super) at: [u16; 2],
+    pub(super) height: f64,
+    /// Metres above the plane.
+    pub(super) off: f64,
+}
+
+/// How a grid is divided into blocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blocks {
+    /// Samples along the side of a block.
+    pub side: u32,
+    /// Columns and rows of blocks.
+    pub counts: [u32; 2],
+    /// Columns and rows of samples.
+    pub(super) whole: [u32; 2],
+}
+
+impl Blocks {
+    /// Of a grid of so many columns and rows.
+    pub fn of(whole: [u32; 2]) -> Self {
+        let count =
+            |side: u32| whole.map(|end| u64::from(end.div_ceil(side))).iter().product::<u64>();
+        let mut side = LEAST_SIDE;
+        while count(side) > MOST_BLOCKS {
+            side *= 2;
+        }
+        Self { side, counts: whole.map(|end| end.div_ceil(side)), whole }
+    }
+
+    /// The samples of a block.
+    pub fn rect(&self, [col, row]: [u32; 2]) -> Rect {
+        let [col, row] = [col * self.side, row * self.side];
+        Rect::new(col, row, self.side.min(self.whole[0] - col), self.side.min(self.whole[1] - row))
+    }
+}
+
+impl Block {
+    /// Of heights, `stride` values from one row to the next.
+    pub(super) fn of(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> Self {
+        let at = |col: usize, row: usize| heights[row * stride + col];
+        let valid = || {
+            let all = (0..height).flat_map(move |row| (0..width).map(move |col| (col, row)));
+            all.filter_map(move |(col, row)| {
+                let z = at(col, row);
+                z.is_finite().then_some((col as f64, row as f64, z))
+            })
+        };
+        let Some((_, _, first)) = valid().next() else { return Self::default() };
+        let mut sums = [0.0; 9];
+        for (x, y, z) in valid() {
+            let z = z - first;
+            let terms = [1.0, x, y, z, x * x, x * y, y * y, x * z, y * z];
+            (0..9).for_each(|i| sums[i] += terms[i]);
+        }
+        let [n, x, y, z, xx, xy, yy, xz, yz] = sums;
+        let [xx, xy, yy] = [xx - x * x / n, xy - x * y / n, yy - y * y / n];
+        let [xz, yz] = [xz - x * z / n, yz - y * z / n];
+        let area = xx * yy - xy * xy;
+        // Of less than three samples, or some on a line, the plane is level.
+        let slopes = match area > 1e-9 * (xx * yy).max(1.0) {
+            true => [(xz * yy - yz * xy) / area, (yz * xx - xz * xy) / area],
+            false => [0.0; 2],
+        };
+        let base = first + (z - slopes[0] * x - slopes[1] * y) / n;
+        let mut block = Self {
+            count: n as u32,
+            plane: [base, slopes[0], slopes[1]],
+            ends: [Extreme::default(); 2],
+            jump: jump(heights, stride, [width, height]),
+        };
+        let found = valid().map(|(x, y, height)| {
+            let at = [x as u16, y as u16];
+            Extreme { at, height, off: height - block.height([x, y]) }
+        });
+        let less = |a: &Extreme, b: &Extreme| a.off.total_cmp(&b.off);
+        let low = found.clone().min_by(less).unwrap_or_default();
+        let high = found.max_by(less).unwrap_or_default();
+        block.ends = [low, high];
+        block
+    }
+
+    /// The height of the plane, so many columns and rows from the first sample.
+    pub(super) fn height(&self, [col, row]: [f64; 2]) -> f64 {
+        self.plane[0] + self.plane[1] * col + self.plane[2] * row
+    }
+
+    /// Metres that no sample is further from the plane.
+    pub fn off(&self) -> f64 {
+        // What was added up is rounded.
+        let size = self.plane[0].abs() + self.plane[1].abs() * 1e4 + self.plane[2].abs() * 1e4;
+        self.ends[0].off.abs().max(self.ends[1].off.abs()) + size * 1e-12
+    }
+}
+
+/// Metres between two samples beside each other, at the most.
+fn jump(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> f64 {
+    let mut most = 0.0_f64;
+    for row in 0..height {
+        let line = &heights[row * stride..][..width];
+        let across = line.windows(2).map(|two| (two[1] - two[0]).abs());
+        // What is void compares as no number does.
+        most = across.fold(most, f64::max);
+        if row > 0 {
+            let above = &heights[(row - 1) * stride..][..width];
+            most = line.iter().zip(above).map(|(a, b)| (a - b).abs()).fold(most, f64::max);
+        }
+    }
+    most
+}

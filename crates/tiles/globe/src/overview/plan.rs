@@ -1,0 +1,168 @@
+//! The first pass over a grid: what is to be looked at, and what was seen of parts of it.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::blocks::{Block, Blocks};
+use super::lines::{Lines, spots, whole};
+use crate::chart::Chart;
+use crate::ground::Means;
+use terrane_base::geom::Rect;
+
+/// A part of what is looked at in a first pass, to be gathered with the others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Glance {
+    pub(super) rect: Rect,
+    pub(super) blocks: Vec<Block>,
+    pub(super) lines: [BTreeMap<u32, Vec<f64>>; 2],
+    pub(super) means: Means,
+    pub(super) range: Option<[f64; 2]>,
+}
+
+/// What is to be looked at: a grid of blocks, and the columns and rows of which samples are kept.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// How it is divided.
+    pub blocks: Blocks,
+    pub(super) chart: Chart,
+    pub(super) lines: [Lines; 2],
+}
+
+impl Plan {
+    /// Of a grid. Along the meridians and parallels of `lines` the samples on both sides are kept.
+    pub fn new(chart: Chart, lines: [&[f64]; 2]) -> Self {
+        let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
+        Self { blocks: Blocks::of(chart.whole()), chart, lines }
+    }
+
+    /// Where the samples of the grid are.
+    pub fn chart(&self) -> &Chart {
+        &self.chart
+    }
+
+    /// The lines that have samples kept in a rectangle, and which of those that are kept along each.
+    pub(super) fn within(
+        &self,
+        axis: usize,
+        rect: Rect,
+    ) -> impl Iterator<Item = (u32, Range<usize>)> {
+        let across = [(rect.col, rect.width), (rect.row, rect.height)];
+        let ((first, count), (from, along)) = (across[axis], across[1 - axis]);
+        self.lines[axis].range(first..first + count).filter_map(move |(line, spots)| {
+            let [from, to] = [from, from + along].map(|end| match spots {
+                None => end as usize,
+                Some(spots) => spots.partition_point(|spot| *spot < end),
+            });
+            (from < to).then_some((*line, from..to))
+        })
+    }
+
+    /// Samples that are kept of a line.
+    fn len(&self, axis: usize, spots: &Option<Vec<u32>>) -> usize {
+        spots.as_ref().map_or(self.blocks.whole[1 - axis] as usize, Vec::len)
+    }
+
+    /// Looks at the samples of a rectangle whose sides are those of blocks, row by row.
+    pub fn look(&self, rect: Rect, heights: &[f64]) -> Glance {
+        let Blocks { side, whole, .. } = self.blocks;
+        let mut means = Means::new(whole);
+        for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {
+            means.add(rect.col, row, line);
+        }
+        let mut blocks = Vec::new();
+        for row in (0..rect.height).step_by(side as usize) {
+            for col in (0..rect.width).step_by(side as usize) {
+                let size = [side.min(rect.width - col), side.min(rect.height - row)];
+                let from = &heights[row as usize * rect.width as usize + col as usize..];
+                blocks.push(Block::of(from, rect.width as usize, size.map(|side| side as usize)));
+            }
+        }
+        let valid = || heights.iter().copied().filter(|height| height.is_finite());
+        let range = valid().map(|height| [height; 2]).reduce(both);
+        let width = rect.width as usize;
+        let line = |axis: usize, (line, part): (u32, Range<usize>)| {
+            let at = |along: u32| {
+                let [col, row] = if axis == 0 { [line, along] } else { [along, line] };
+                heights[(row - rect.row) as usize * width + (col - rect.col) as usize]
+            };
+            let heights = match &self.lines[axis][&line] {
+                None => part.map(|along| at(along as u32)).collect(),
+                Some(spots) => spots[part].iter().map(|along| at(*along)).collect(),
+            };
+            (line, heights)
+        };
+        let lines =
+            [0, 1].map(|axis| self.within(axis, rect).map(|found| line(axis, found)).collect());
+        Glance { rect, blocks, lines, means, range }
+    }
+
+    /// Bytes that what is seen of the whole grid takes.
+    pub fn bytes(&self) -> u64 {
+        let Blocks { counts, .. } = self.blocks;
+        let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<Block>() as u64;
+        let line = |axis: usize| {
+            let bytes = |spots: &Option<Vec<u32>>| {
+                let number = if spots.is_some() { size_of::<u32>() } else { 0 };
+                self.len(axis, spots) * (size_of::<f64>() + number)
+            };
+            self.lines[axis].values().map(bytes).sum::<usize>() as u64
+        };
+        blocks + line(0) + line(1) + Means::BYTES + self.chart.bytes()
+    }
+
+    /// Nothing seen yet.
+    pub fn gather(self) -> Gathered {
+        let Blocks { counts, whole, .. } = self.blocks;
+        let blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
+        let line = |axis: usize| {
+            let empty = |(at, spots): (&u32, _)| (*at, vec![f64::NAN; self.len(axis, spots)]);
+            self.lines[axis].iter().map(empty).collect()
+        };
+        let (lines, means) = ([line(0), line(1)], Means::new(whole));
+        Gathered { plan: self, blocks, lines, means, range: None }
+    }
+}
+
+/// What was seen so far, whatever the order.
+#[derive(Clone, Debug)]
+pub struct Gathered {
+    pub(super) plan: Plan,
+    pub(super) blocks: Vec<Block>,
+    pub(super) lines: [BTreeMap<u32, Vec<f64>>; 2],
+    pub(super) means: Means,
+    pub(super) range: Option<[f64; 2]>,
+}
+
+impl Gathered {
+    /// What is looked at.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Adds what was seen in a rectangle.
+    pub fn add(&mut self, glance: Glance) {
+        let Blocks { side, counts, .. } = self.plan.blocks;
+        let Rect { col, row, width, .. } = glance.rect;
+        let across = width.div_ceil(side) as usize;
+        for (i, block) in glance.blocks.into_iter().enumerate() {
+            let [x, y] = [col / side, row / side].map(|at| at as usize);
+            self.blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
+        }
+        for axis in 0..2 {
+            for (at, part) in self.plan.within(axis, glance.rect) {
+                if let (Some(line), Some(heights)) =
+                    (self.lines[axis].get_mut(&at), glance.lines[axis].get(&at))
+                {
+                    line[part].copy_from_slice(heights);
+                }
+            }
+        }
+        self.means.join(&glance.means);
+        self.range = self.range.into_iter().chain(glance.range).reduce(both);
+    }
+}
+
+/// A range that holds two.
+pub(super) fn both(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
