@@ -10,9 +10,9 @@ use terrane_base::error::Result;
 use terrane_base::formula::Formula;
 use terrane_base::geom::{Frame, Point, Ruler};
 
-use super::columns::{Reader, reader};
-use super::sieve::Raw;
-use super::write::Column;
+use super::attributes::{Reader, reader};
+use super::column::Column;
+use super::raw::Raw;
 
 /// What coordinates are called.
 pub const AXES: [&str; 3] = ["x", "y", "z"];

@@ -1,8 +1,8 @@
 //! What the header of a cloud's only file says, for people.
 
-use super::Cloud;
 use super::las::{Header, LasFile};
 use super::member::File;
+use super::open::Cloud;
 
 /// Records that are named one by one.
 const MOST_VLRS: usize = 12;

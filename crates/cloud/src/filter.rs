@@ -9,7 +9,9 @@ use terrane_base::attribute::Return;
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Frame, Point};
 
-use super::{Condition, Polygon};
+use super::condition::Condition;
+use super::polygon::Polygon;
+use super::raw::Flags;
 
 /// Which points are wanted: those that meet every condition given. Limits are turned into steps of the
 /// cloud's frame first, and all is decided on steps (see [`Gate`]).
@@ -37,39 +39,6 @@ pub struct Filter {
 }
 
 const EVERYWHERE: [f64; 4] = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY];
-
-/// Marks that a point may bear, by the bits of LAS 1.4.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Flags(pub u8);
-
-impl Flags {
-    /// Made by other means than measuring.
-    pub const SYNTHETIC: Self = Self(1);
-    /// A key point of a model, not to be thinned out.
-    pub const KEY: Self = Self(2);
-    /// To be left out.
-    pub const WITHHELD: Self = Self(4);
-    /// In the overlap of flight lines.
-    pub const OVERLAP: Self = Self(8);
-
-    /// All marks with their names.
-    pub const ALL: [(&'static str, Self); 4] = [
-        ("synthetic", Self::SYNTHETIC),
-        ("keypoint", Self::KEY),
-        ("withheld", Self::WITHHELD),
-        ("overlap", Self::OVERLAP),
-    ];
-
-    /// The marks of both.
-    pub const fn and(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
-    /// True when the two have a mark in common.
-    pub const fn meets(self, other: Self) -> bool {
-        self.0 & other.0 != 0
-    }
-}
 
 /// All of a point that filters ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]

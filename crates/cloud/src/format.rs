@@ -2,7 +2,7 @@
 
 use terrane_base::error::{Error, Result};
 
-use crate::Flags;
+use crate::raw::Flags;
 
 /// A point format of LAS, 0 to 10.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,6 +20,8 @@ pub(crate) const COLOUR: usize = 6;
 pub(crate) const INFRARED: usize = 2;
 pub(crate) const WAVE: usize = 29;
 
+/// Degrees of a step of scan angles.
+pub(crate) const ANGLES: f32 = 0.006;
 /// Bits of the class in the formats before 6, which share their byte with marks.
 const OLD_CLASS: u8 = 31;
 

@@ -3,7 +3,7 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Frame, Point, REACH, Ruler};
 
-use super::Filter;
+use super::filter::Filter;
 
 /// Where the points of a file lie: the lattice it counts in, and the bounds it claims.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use super::columns::{Each, Reader, Table, readers};
-use super::filter::{Flags, Gate};
+use super::attributes::{Reader, Table, readers};
+use super::filter::Gate;
 use super::frame::Map;
 use super::lattice::{Placed, Span, decimals};
-use super::sieve::{Raw, Sieve};
-use super::{BATCH, Census, CloudInfo, Columns, OpenOptions, PointSource};
+use super::open::OpenOptions;
+use super::raw::{Flags, Raw};
+use super::sieve::Sieve;
+use super::source::{BATCH, Census, CloudInfo, Columns, Each, PointSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point};
 use terrane_files::{Held, Register};

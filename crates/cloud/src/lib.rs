@@ -1,11 +1,11 @@
 //! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
 
 mod agree;
+mod attributes;
 mod carry;
 mod class;
-mod columns;
+mod column;
 mod condition;
-mod copc;
 mod facts;
 mod filter;
 mod format;
@@ -13,33 +13,37 @@ mod frame;
 mod held;
 mod las;
 mod lattice;
-mod laz;
 pub mod lazip;
 mod member;
 mod open;
+mod origin;
 mod polygon;
+mod raw;
+mod recast;
 mod sieve;
+mod source;
 mod spacing;
 pub mod synth;
 mod text;
+mod times;
 mod version;
 pub mod write;
 
 pub use carry::{Carrier, Seen, Sight, Target};
 pub use class::class_name;
-pub use columns::{Columns, Each};
 pub use condition::{AXES, Condition};
-pub use filter::{Filter, Flags, Gate, Record, Verdict};
+pub use filter::{Filter, Gate, Record, Verdict};
 pub use format::PointFormat;
 pub use held::{HeldCloud, Marks};
 pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::{Polygon, PolygonRings};
+pub use raw::Flags;
+pub use source::{BATCH, Census, CloudInfo, Columns, Each, PointSource};
 pub use spacing::{round_side, round_up};
 pub use version::LasVersion;
 
 pub use terrane_base::attribute::Return;
-use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::error::Result;
 use terrane_files::is_held;
 
 /// Opens files as one cloud, or a synthetic cloud or one in memory by its name.
@@ -58,103 +62,3 @@ pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointS
     options.filter.check_system(&source.info().crs)?;
     Ok(source)
 }
-
-/// What a cloud is, before any point is read.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CloudInfo {
-    /// Where the points lie.
-    pub frame: Frame,
-    /// Lowest and highest coordinates that the headers claim, cut to the box and heights asked for;
-    /// every point handed on lies within. `None` where no point can be.
-    pub bounds: Option<[Point; 2]>,
-    /// Points that the headers claim, of the parts that may touch the box asked for.
-    pub count: u64,
-    /// The coordinate reference system, as far as known.
-    pub crs: Crs,
-}
-
-/// What became of the points that were read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Census {
-    /// Points that the files hold, those lost among them.
-    pub read: u64,
-    /// Points handed on.
-    pub kept: u64,
-    /// Points left out because they are marked as withheld.
-    pub withheld: u64,
-    /// Points left out by a filter that was asked for.
-    pub filtered: u64,
-    /// Points given up because they lie outside the bounds their file claims.
-    pub outside: u64,
-    /// Points given up because they cannot be read.
-    pub lost: u64,
-}
-
-impl Census {
-    /// Adds the counts of another part.
-    pub fn add(&mut self, other: &Self) {
-        self.read += other.read;
-        self.kept += other.kept;
-        self.withheld += other.withheld;
-        self.filtered += other.filtered;
-        self.outside += other.outside;
-        self.lost += other.lost;
-    }
-}
-
-/// A cloud that is read part by part. Parts are independent: any thread may read any part, in any
-/// order, and all parts together hold every point once.
-pub trait PointSource: Send + Sync {
-    /// What the cloud is.
-    fn info(&self) -> &CloudInfo;
-
-    /// How many parts there are. Neighbours in the order of parts are near each other in their file.
-    fn parts(&self) -> usize;
-
-    /// Points that part `part` holds, at most, before filters.
-    fn points_of(&self, part: usize) -> u64;
-
-    /// Lowest and highest coordinates that points of a part may have across; heights are those of the
-    /// cloud. `None` where the part has no point that is wanted.
-    fn bounds_of(&self, _part: usize) -> Option<[Point; 2]> {
-        self.info().bounds
-    }
-
-    /// Reads a part and hands on its filtered points in batches of at most [`BATCH`].
-    ///
-    /// # Errors
-    /// Damage that the source was not told to pass over, and whatever `each` returns.
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census>;
-
-    /// A way to read it with these attributes, by the names of [`terrane_base::attribute`] or of extra bytes.
-    ///
-    /// # Errors
-    /// An attribute that its points, or those of one of its files, do not have.
-    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
-        let names = names.join(", ");
-        Err(Error::unsupported(format!("this source of points does not tell {names}")))
-    }
-
-    /// The files behind it, by name.
-    fn files(&self) -> &[String] {
-        &[]
-    }
-
-    /// Which of [`PointSource::files`] part `part` is of.
-    fn file_of(&self, _part: usize) -> Option<usize> {
-        None
-    }
-
-    /// What is odd about it, or easily overlooked, one line each.
-    fn notes(&self) -> &[String] {
-        &[]
-    }
-
-    /// The files that damage was passed over in so far, each with the points that are lost.
-    fn losses(&self) -> Vec<(String, u64)> {
-        Vec::new()
-    }
-}
-
-/// Most points of a batch.
-pub const BATCH: usize = 1 << 16;

@@ -8,14 +8,16 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_files::lock;
 
-use super::carry::Recast;
-use super::columns::{self, Reader, Table};
+use super::attributes::{Reader, Table};
+use super::filter::{Filter, Record, Verdict};
 use super::frame::Claim;
 use super::las::{self, Block, LasFile, New, Old, unpacked};
 use super::lazip::Wanted;
-use super::sieve::{Raw, Sieve};
+use super::raw::{Flags, Raw};
+use super::recast::Recast;
+use super::sieve::Sieve;
+use super::source::{self, BATCH, Census};
 use super::text::{self, TextFile};
-use super::{BATCH, Census, Filter, Flags, Record, Verdict};
 
 /// A file of one of the kinds.
 pub(super) enum File {
@@ -180,7 +182,7 @@ struct Tell<'a, 'b> {
     sieve: &'a Sieve,
     table: Table<'a>,
     census: Census,
-    each: &'a mut columns::Each<'b>,
+    each: &'a mut source::Each<'b>,
 }
 
 impl Take for Tell<'_, '_> {
@@ -333,7 +335,7 @@ impl Member {
         part: usize,
         readers: &[Reader],
         room: &mut Room,
-        each: &mut columns::Each<'_>,
+        each: &mut source::Each<'_>,
     ) -> Result<Census> {
         let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
         let mut tell = Tell { sieve, table: Table::new(readers), census: Census::default(), each };

@@ -15,14 +15,19 @@ use terrane_base::error::{Error, ErrorKind, Result, all};
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_files::{RawFile, Seek, path_of, shown};
 
-use super::carry::Origin;
+use super::agree;
+use super::attributes::{self, Reader};
+use super::column::TIME;
 use super::condition::Test;
+use super::filter::{Filter, Gate, Record};
 use super::frame::{self, Claim, Common, Map};
 use super::las::LasFile;
 use super::member::{File, Member, take_room};
+use super::origin::Origin;
 use super::sieve::Sieve;
+use super::source::{Census, CloudInfo, Columns, Each, PointSource};
 use super::text::TextFile;
-use super::{Census, CloudInfo, Columns, Filter, Gate, PointSource, Record, agree};
+use super::times::Times;
 
 /// What says that a file is a cloud, before its name.
 const CLOUD_PREFIX: &str = "cloud:";
@@ -84,6 +89,11 @@ impl Cloud {
 
     pub(super) fn kinds(&self) -> impl Iterator<Item = &File> {
         self.members.iter().map(|member| &member.file)
+    }
+
+    /// What is known of its files.
+    pub(super) fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
+        self.files().iter().zip(self.kinds()).map(|(name, file)| Origin::new(name, file))
     }
 
     /// Hands on all that is known of the wanted points of a part, whether or not they lie within the
@@ -176,7 +186,32 @@ impl PointSource for Cloud {
     }
 
     fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
-        self.tell(names)
+        let mut readers = Vec::new();
+        let origins = self.origins().collect::<Result<Vec<_>>>()?;
+        for origin in &origins {
+            let found = attributes::readers(names, &origin.columns());
+            readers.push(found.map_err(|e| e.in_file(&path_of(origin.name)))?);
+        }
+        let is_time =
+            |reader: &Reader| matches!(reader, Reader::Field(column) if column.name == TIME);
+        if readers.iter().flatten().any(is_time) {
+            Times::of_all(&origins)?;
+        }
+        Ok(Box::new(OfCloud { cloud: self, readers }))
+    }
+}
+
+/// Columns of the files of a cloud.
+struct OfCloud<'a> {
+    cloud: &'a Cloud,
+    /// By file.
+    readers: Vec<Vec<Reader>>,
+}
+
+impl Columns for OfCloud<'_> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
+        let (number, member, inner) = self.cloud.part(part)?;
+        take_room(|room| member.columns(inner, &self.readers[number], room, each))
     }
 }
 

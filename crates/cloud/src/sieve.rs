@@ -4,18 +4,10 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
 use super::condition::Test;
+use super::filter::{Filter, Gate, Record, Verdict};
 use super::frame::{Claim, Map};
-use super::{Census, Filter, Flags, Gate, Record, Verdict};
-
-/// A point as its file has it.
-pub(super) trait Raw: Copy {
-    /// Steps of the file's own lattice.
-    fn xyz(self) -> [i32; 3];
-    fn class(self) -> u8;
-    /// Number of the return, and returns of the pulse.
-    fn returns(self) -> [u8; 2];
-    fn flags(self) -> Flags;
-}
+use super::raw::{Flags, Raw};
+use super::source::Census;
 
 /// What is done with the points of one file.
 #[derive(Clone, Debug)]

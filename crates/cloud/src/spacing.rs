@@ -2,7 +2,7 @@
 
 use terrane_base::geom::Point;
 
-use crate::CloudInfo;
+use crate::source::CloudInfo;
 
 /// Points that a cell has, on the average of the box around all.
 const POINTS_OF_CELL: f64 = 4.0;

@@ -1,10 +1,13 @@
 //! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
 
-use super::columns::{Each, Reader, Table, readers};
+use super::attributes::{Reader, Table, readers};
+use super::column;
 use super::condition::{Condition, Test};
-use super::filter::{Filter, Flags, Gate, Record, Verdict};
+use super::filter::{Filter, Gate, Record, Verdict};
 use super::las::New;
-use super::{BATCH, Census, CloudInfo, Columns, PointSource, write};
+use super::raw::Flags;
+use super::source::{BATCH, Census, CloudInfo, Columns, Each, PointSource};
+use super::write;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_files::is_held;
@@ -74,7 +77,7 @@ impl Synthetic {
     pub fn new(survey: Survey, filter: Filter) -> Result<Self> {
         let frame = frame(&survey);
         let gate = Gate::new(&filter, &frame);
-        let columns = write::columns(full()?, &[]);
+        let columns = column::columns(full()?, &[]);
         let bind = |condition: &Condition| condition.bind(&columns, &frame);
         let test = filter.condition.as_ref().map(bind).transpose()?;
         let info = info(&survey, &gate);
@@ -182,7 +185,7 @@ impl PointSource for Synthetic {
 
     fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
         let format = full()?;
-        let readers = readers(names, &write::columns(format, &[]))?;
+        let readers = readers(names, &column::columns(format, &[]))?;
         Ok(Box::new(Told { cloud: self, format, readers }))
     }
 }

@@ -1,4 +1,4 @@
-//! Versions of LAS, and which points each has.
+//! Versions of LAS and ways to pack points, and which points each has.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,8 +6,41 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::format::PointFormat;
-use crate::write::Packing;
 use terrane_base::error::{Error, Result};
+
+/// How points are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packing {
+    /// As they are (LAS).
+    #[default]
+    Plain,
+    /// Compressed, [`CHUNK`](crate::write::CHUNK) points at a time (LAZ).
+    Chunks,
+    /// Compressed, any number of points at a time (COPC).
+    Nodes,
+    /// Lines of text, which no [`Layout`](crate::write::Layout) makes.
+    Text,
+}
+
+impl Packing {
+    /// Fails where points of this format cannot be so packed.
+    pub(crate) fn check(self, format: PointFormat) -> Result<()> {
+        if self != Self::Nodes || format.is_new() && !format.has_waves() {
+            return Ok(());
+        }
+        Err(Error::unsupported(format!("COPC has no points of format {}", format.number()))
+            .remedy("choose point format 6, 7 or 8, or a name that ends in .laz only"))
+    }
+
+    /// The first format that can be so packed and holds all fields of another.
+    pub(crate) fn holding(self, held: PointFormat) -> Result<PointFormat> {
+        let format = match self {
+            Self::Nodes => held.holding(PointFormat::default()),
+            Self::Plain | Self::Chunks | Self::Text => held,
+        };
+        self.check(format).map(|()| format)
+    }
+}
 
 /// A version of LAS that is written: 1.2 to 1.5.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

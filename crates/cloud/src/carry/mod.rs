@@ -1,10 +1,7 @@
 //! Points with all that is known of them, from the files of a cloud into one format: what an output is to be, and
 //! the records of each part.
 
-pub(crate) mod extra;
-mod recast;
 mod seen;
-mod times;
 
 use std::collections::HashSet;
 
@@ -12,18 +9,18 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame};
 use terrane_files::{RawFile, path_of, shown};
 
+use crate::column::{Column, Lines, columns};
 use crate::format::PointFormat;
-use crate::las::{LASZIP, LasFile, Vlr};
-use crate::member::{File, take_room};
+use crate::las::{Extra, LASZIP, LasFile, Vlr, extra};
+use crate::member::take_room;
 use crate::open::Cloud;
-use crate::text::TextFile;
-use crate::version::LasVersion;
-use crate::write::{Carried, Column, Lines, Packing, TIME, Vlr as Record, WriteOptions, columns};
-use crate::{Census, CloudInfo, PointSource};
-use extra::Extra;
-pub(crate) use recast::Recast;
+use crate::origin::Origin;
+use crate::recast::Recast;
+use crate::source::{Census, CloudInfo};
+use crate::times::Times;
+use crate::version::{LasVersion, Packing};
+use crate::write::{Carried, Vlr as Record, WriteOptions};
 pub use seen::{Seen, Sight};
-pub(crate) use times::Times;
 
 /// Who writes records that tell of reference systems; who writes those of octrees.
 const PROJECTION: &str = "LASF_Projection";
@@ -86,16 +83,6 @@ pub struct Carrier<'a> {
 
 /// The dimension of heights above the ground, by the name that others have for it.
 const HEIGHTS: (&str, &str) = ("HeightAboveGround", "Height above ground");
-
-/// What is known of a file of the cloud.
-pub(crate) struct Origin<'a> {
-    pub(crate) name: &'a str,
-    /// `None` for text.
-    las: Option<&'a LasFile>,
-    text: Option<&'a TextFile>,
-    format: PointFormat,
-    extra: Extra,
-}
 
 impl<'a> Carrier<'a> {
     /// For records of a file to be written. They have a dimension for heights above the ground where so told, which
@@ -212,65 +199,11 @@ impl<'a> Carrier<'a> {
     /// [`info`](Self::info).
     ///
     /// # Errors
-    /// Those of [`PointSource::read`]; what the format cannot hold of a point.
+    /// Those of [`PointSource::read`](crate::PointSource::read); what the format cannot hold of a point.
     pub fn read(&self, part: usize, each: &mut dyn FnMut(&[u8]) -> Result<()>) -> Result<Census> {
         let (number, member, inner) = self.cloud.part(part)?;
         let recast = &self.recasts[number];
         take_room(|room| member.carry(inner, (recast, self.as_stored), room, each))
-    }
-}
-
-impl Cloud {
-    /// What is known of its files.
-    pub(crate) fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
-        self.files().iter().zip(self.kinds()).map(|(name, file)| Origin::new(name, file))
-    }
-}
-
-impl<'a> Origin<'a> {
-    pub(crate) fn new(name: &'a str, file: &'a File) -> Result<Self> {
-        match file {
-            File::Las(file) => Self::of(name, file).map_err(|e| e.in_file(&file.path)),
-            File::Text(file) => Ok(Self {
-                name,
-                las: None,
-                text: Some(file),
-                format: file.format(),
-                extra: Extra::default(),
-            }),
-        }
-    }
-
-    fn of(name: &'a str, file: &'a LasFile) -> Result<Self> {
-        let format = PointFormat::new(file.header.format)?;
-        let extra = file.extra.clone();
-        Ok(Self { name, las: Some(file), text: None, format, extra })
-    }
-
-    /// The columns of its records; of text those that it has beside what all points have.
-    pub(crate) fn columns(&self) -> Vec<Column> {
-        match self.text {
-            None => columns(self.format, &self.extra.columns(self.format.size())),
-            Some(text) => text.columns(),
-        }
-    }
-
-    fn encoding(&self) -> u16 {
-        self.las.map_or(0, |file| file.header.encoding)
-    }
-
-    /// What its times are counted from.
-    fn times(&self) -> Times {
-        let is_standard = self.text.is_some_and(|text| text.is_standard);
-        let of_text = if is_standard { Times::USUAL } else { Times::Week };
-        self.las.map_or(of_text, |file| Times::of(&file.header))
-    }
-
-    fn has_time(&self) -> bool {
-        match self.text {
-            None => self.format.places().time.is_some(),
-            Some(text) => text.columns().iter().any(|column| column.name() == TIME),
-        }
     }
 }
 

@@ -3,12 +3,13 @@
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
-use super::extra::Extra;
-use super::recast::Recast;
 use crate::format::PointFormat;
+use crate::las::Extra;
 use crate::member::{File, take_room};
 use crate::open::Cloud;
-use crate::{Census, Flags};
+use crate::raw::Flags;
+use crate::recast::Recast;
+use crate::source::Census;
 
 /// The format that has a field for all that is seen.
 const FORMAT: u8 = 7;

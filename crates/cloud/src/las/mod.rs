@@ -1,9 +1,13 @@
 //! LAS and LAZ files: header, records, and parts that are read each on its own.
 
 mod bytes;
+mod copc;
 mod crs;
+pub(super) mod extra;
 mod header;
+mod laz;
 mod parts;
+mod read;
 mod record;
 mod vlr;
 
@@ -14,16 +18,15 @@ use terrane_base::geom::Crs;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-pub(super) use bytes::Bytes;
+pub(super) use extra::{Extra, Move};
 pub(super) use header::{Header, SIZES};
-pub(super) use parts::{Block, Part, Room};
+pub(super) use read::{Block, Room};
 pub(super) use record::{New, Old, unpacked};
 pub(super) use vlr::Vlr;
 
-use super::carry::extra::{self, Extra};
-use super::copc;
+use self::laz::{Compressor, Layout};
 use super::frame::Claim;
-use super::laz::{Compressor, Layout};
+use parts::Part;
 
 /// Who writes the record without which compressed points cannot be read, and its number.
 pub(super) const LASZIP: (&str, u16) = ("laszip encoded", 22_204);

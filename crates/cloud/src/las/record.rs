@@ -1,8 +1,7 @@
 //! Fields of points, from records (ASPRS LAS 1.4 R15, tables 7 and 15) or as they were decompressed.
 
-use crate::Flags;
 use crate::lazip::Fields;
-use crate::sieve::Raw;
+use crate::raw::{Flags, Raw};
 
 /// A record of formats 0 to 5.
 #[derive(Clone, Copy)]

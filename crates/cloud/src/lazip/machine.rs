@@ -1,8 +1,6 @@
 //! What the machine can do: the steps of decoding that pay to be written for it.
 #![allow(unsafe_code)]
 
-use std::marker::PhantomData;
-
 /// Numbers that are compared at once.
 pub(super) type Lanes = [u16; 16];
 
@@ -61,8 +59,9 @@ impl Machine for Plain {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Lanes, Machine, PhantomData, Work};
+    use crate::lazip::machine::{Lanes, Machine, Work};
     use std::arch::x86_64::*;
+    use std::marker::PhantomData;
 
     /// A machine with AVX2 and what came with it.
     #[derive(Clone, Copy)]

@@ -1,9 +1,9 @@
 //! Lines of text clouds: separators, headings, numbers.
 
+use crate::column::{self, Column, Value};
+use crate::format::PointFormat;
 use crate::lattice::MOST_DECIMALS;
-use crate::sieve::Raw;
-use crate::write::{self, Column, Value};
-use crate::{Flags, PointFormat};
+use crate::raw::{Flags, Raw};
 
 /// Largest mantissa that is exact in `f64`, and most decimals that its power of ten is exact for.
 const EXACT_MANTISSA: u64 = 1 << 53;
@@ -170,7 +170,7 @@ impl Grammar {
 
     /// With the fields that columns are named after, each of the first that is.
     fn with_fields(mut self, names: &[String], told: &[String]) -> Self {
-        let all = PointFormat::new(WIDEST).map_or_else(|_| Vec::new(), |f| write::columns(f, &[]));
+        let all = PointFormat::new(WIDEST).map_or_else(|_| Vec::new(), |f| column::columns(f, &[]));
         for (number, (name, told)) in names.iter().zip(told).enumerate() {
             if self.columns.contains(&Some(number)) {
                 continue;
@@ -205,7 +205,7 @@ impl Grammar {
 
     /// The time of a point, where a column has it.
     pub(super) fn time(&self, values: &Values) -> Option<f64> {
-        let (_, field) = self.fields.iter().find(|(_, field)| field.name() == write::TIME)?;
+        let (_, field) = self.fields.iter().find(|(_, field)| field.name() == column::TIME)?;
         Some(field.number(&values.fields.0))
     }
 

@@ -13,10 +13,10 @@ use terrane_files::{self, RawFile};
 
 use line::{Grammar, Values, content};
 
-use super::PointFormat;
+use super::column::Column;
+use super::format::PointFormat;
 use super::frame::Claim;
 use super::lattice::{Placed, Span};
-use super::write::Column;
 pub(super) use line::Line;
 
 /// Bytes of a part; lines belong to the part that they begin in.

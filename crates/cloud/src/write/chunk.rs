@@ -7,9 +7,10 @@ use laz::compressors::IntegerCompressorBuilder;
 use laz::encoders::ArithmeticEncoder;
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 
-use super::Record;
+use super::record::Record;
 use super::tally::Tally;
 use crate::format::PointFormat;
+use crate::version::Packing;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Points of a chunk, the usual number in LAZ files.
@@ -24,40 +25,6 @@ pub struct Layout {
     packing: Packing,
     /// How they are compressed, if they are.
     laz: Option<Arc<LazVlr>>,
-}
-
-/// How points are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Packing {
-    /// As they are (LAS).
-    #[default]
-    Plain,
-    /// Compressed, [`CHUNK`] points at a time (LAZ).
-    Chunks,
-    /// Compressed, any number of points at a time (COPC).
-    Nodes,
-    /// Lines of text, which no [`Layout`](super::Layout) makes.
-    Text,
-}
-
-impl Packing {
-    /// Fails where points of this format cannot be so packed.
-    pub(crate) fn check(self, format: PointFormat) -> Result<()> {
-        if self != Self::Nodes || format.is_new() && !format.has_waves() {
-            return Ok(());
-        }
-        Err(Error::unsupported(format!("COPC has no points of format {}", format.number()))
-            .remedy("choose point format 6, 7 or 8, or a name that ends in .laz only"))
-    }
-
-    /// The first format that can be so packed and holds all fields of another.
-    pub(crate) fn holding(self, held: PointFormat) -> Result<PointFormat> {
-        let format = match self {
-            Self::Nodes => held.holding(PointFormat::default()),
-            Self::Plain | Self::Chunks | Self::Text => held,
-        };
-        self.check(format).map(|()| format)
-    }
 }
 
 /// Points ready to be written.

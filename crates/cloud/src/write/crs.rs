@@ -1,6 +1,6 @@
 //! What a file says of its coordinate reference system.
 
-use super::Vlr;
+use super::vlr::Vlr;
 use terrane_base::geom::Crs;
 
 const USER: &str = "LASF_Projection";

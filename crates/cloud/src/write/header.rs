@@ -1,9 +1,13 @@
 //! The header of LAS 1.2 to 1.5, and the records after it.
 
+use super::chunk::Layout;
+use super::options::WriteOptions;
 use super::tally::{RETURNS, Tally};
-use super::{LasVersion, Layout, Packing, Vlr, WriteOptions, crs, octree};
+use super::vlr::{MOST_BYTES, Vlr, text};
+use super::{crs, octree};
 use crate::format::PointFormat;
 use crate::las::SIZES;
+use crate::version::{LasVersion, Packing};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Frame};
 
@@ -14,38 +18,6 @@ const COMPRESSED: u8 = 128;
 /// What wrote a file, and where its header says so.
 pub(super) const SOFTWARE: &str = concat!("terrane ", env!("CARGO_PKG_VERSION"));
 pub(super) const SOFTWARE_AT: usize = 58;
-/// Most bytes of a record before the points.
-const MOST_BYTES: usize = u16::MAX as usize;
-
-impl Vlr {
-    /// For people.
-    pub(crate) fn name(&self) -> String {
-        format!("{} {}", self.user, self.number)
-    }
-
-    /// Appends it as it stands before the points, or behind them.
-    pub(super) fn append(&self, is_behind: bool, bytes: &mut Vec<u8>) {
-        bytes.extend_from_slice(&[0; 2]);
-        bytes.extend_from_slice(&text::<16>(&self.user));
-        bytes.extend_from_slice(&self.number.to_le_bytes());
-        let length = (self.data.len() as u64).to_le_bytes();
-        bytes.extend_from_slice(if is_behind { &length } else { &length[..2] });
-        bytes.extend_from_slice(&text::<32>(&self.about));
-        bytes.extend_from_slice(&self.data);
-    }
-
-    fn is_long(&self) -> bool {
-        self.data.len() > MOST_BYTES
-    }
-}
-
-/// Text padded with zeros, cut where it is too long.
-fn text<const N: usize>(text: &str) -> [u8; N] {
-    let mut field = [0; N];
-    let end = (0..=N).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
-    field[..end].copy_from_slice(&text.as_bytes()[..end]);
-    field
-}
 
 /// All of the header that is known from the start.
 pub(super) struct Header {

@@ -8,105 +8,30 @@ mod chunk;
 mod crs;
 mod header;
 mod octree;
+mod options;
 mod record;
 mod tally;
-mod text;
 mod value;
+mod vlr;
 
-pub use chunk::{CHUNK, Chunk, Layout, Packing};
+pub use chunk::{CHUNK, Chunk, Layout};
 pub use octree::{Cube, Key};
-pub(crate) use record::ANGLES;
+pub use options::{Carried, WriteOptions};
 pub use record::Record;
-pub use text::{Column, Lines};
-pub(crate) use text::{TIME, Value, columns};
+pub use vlr::Vlr;
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
+pub use crate::column::{Column, Lines};
 pub use crate::format::PointFormat;
-pub use crate::version::LasVersion;
+pub use crate::version::{LasVersion, Packing};
 use header::Header;
 use octree::Nodes;
 use tally::Tally;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame};
 use terrane_files::RawFile;
 use terrane_files::atomic::AtomicFile;
-
-/// What a file is to be.
-#[derive(Clone, Debug)]
-pub struct WriteOptions {
-    /// Format of its points.
-    pub format: PointFormat,
-    /// The version of LAS, which has points of this format.
-    pub version: LasVersion,
-    /// Whether and how they are compressed.
-    pub packing: Packing,
-    /// Where nodes lie, of files that have them.
-    pub cube: Option<Cube>,
-    /// Where the points lie: scale and offset of the header.
-    pub frame: Frame,
-    /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
-    /// before it. LAS 1.5 knows nothing but text.
-    pub crs: Crs,
-    /// What is taken over from other files.
-    pub carried: Carried,
-    /// Replace an existing file.
-    pub overwrite: bool,
-}
-
-/// What a file takes over from those that its points come from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Carried {
-    /// Bits of the global encoding, but for that of well-known text.
-    pub encoding: u16,
-    /// What times are counted from, in millions of seconds of GPS time, where the encoding says so.
-    pub time_offset: u16,
-    /// Number of the file or flight line.
-    pub source: u16,
-    /// What measured it.
-    pub system: String,
-    /// Bytes of each record behind the fields of its format.
-    pub extra_bytes: u16,
-    /// Other records.
-    pub vlrs: Vec<Vlr>,
-}
-
-impl Default for Carried {
-    /// Nothing; times are adjusted standard GPS times.
-    fn default() -> Self {
-        Self {
-            encoding: 1,
-            time_offset: 0,
-            source: 0,
-            system: String::new(),
-            extra_bytes: 0,
-            vlrs: Vec::new(),
-        }
-    }
-}
-
-/// A variable length record: before the points, or behind them where it is too long for that.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Vlr {
-    /// Who defines it.
-    pub user: String,
-    /// Its number.
-    pub number: u16,
-    /// For people.
-    pub about: String,
-    /// What it holds.
-    pub data: Vec<u8>,
-}
-
-impl WriteOptions {
-    /// An uncompressed file with points of this format, of the first version that has them.
-    pub fn new(format: PointFormat, frame: Frame, crs: Crs) -> Self {
-        let (version, packing) = (LasVersion::of(format), Packing::default());
-        let carried = Carried::default();
-        Self { format, version, packing, cube: None, frame, crs, carried, overwrite: false }
-    }
-}
 
 /// A LAS or LAZ file in the making; dropped before [`finish`](Self::finish), it leaves nothing.
 pub struct CloudWriter {

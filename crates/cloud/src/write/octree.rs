@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::Vlr;
 use super::tally::Tally;
+use super::vlr::Vlr;
 
 const USER: &str = "copc";
 const INFO: u16 = 1;

@@ -2,7 +2,7 @@
 
 use terrane_base::geom::Point;
 
-use crate::format::PointFormat;
+use crate::format::{ANGLES, PointFormat};
 
 /// A point with what its record tells. Fields that a format does not have are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,9 +37,6 @@ pub struct Record {
     /// Near infrared; formats 8 and 10.
     pub infrared: u16,
 }
-
-/// Degrees of a step of scan angles.
-pub(crate) const ANGLES: f32 = 0.006;
 
 impl PointFormat {
     /// Appends the records as they are stored, without waves.

@@ -1,6 +1,6 @@
 //! Numbers into the fields of records.
 
-use super::{Column, Value};
+use crate::column::{Column, Value};
 
 /// Whole numbers that a double holds in 64 bits.
 const LONG: f64 = (1_u64 << 63) as f64;

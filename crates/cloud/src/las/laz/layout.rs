@@ -2,7 +2,8 @@
 
 use laz::{LazItemType, LazVlr};
 
-use crate::las::{Bytes, Header};
+use crate::las::bytes::Bytes;
+use crate::las::header::Header;
 use crate::lazip::{Item, Schema};
 use terrane_base::error::{Error, Result};
 

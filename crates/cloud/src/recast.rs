@@ -3,9 +3,8 @@
 
 use std::ops::Range;
 
-use super::extra::{Extra, Move};
-use crate::format::{COLOUR, INFRARED, PointFormat, TIME, WAVE};
-use crate::write::ANGLES;
+use crate::format::{ANGLES, COLOUR, INFRARED, PointFormat, TIME, WAVE};
+use crate::las::{Extra, Move};
 use terrane_base::geom::Point;
 
 /// Bytes that records begin with in every format: place and intensity.

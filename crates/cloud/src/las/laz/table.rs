@@ -6,7 +6,8 @@ use std::io::Cursor;
 use laz::decoders::ArithmeticDecoder;
 use laz::decompressors::IntegerDecompressorBuilder;
 
-use crate::las::{Bytes, Header};
+use crate::las::bytes::Bytes;
+use crate::las::header::Header;
 use crate::lazip::Wanted;
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;

@@ -1,9 +1,9 @@
-//! Records as lines of text: a heading with the names of the columns, and a line for each point.
+//! Columns of records, and records as lines of text: a heading with the names of the columns, and a line for each
+//! point.
 
 use std::fmt::Write as _;
 
-use crate::format::PointFormat;
-use crate::write::ANGLES;
+use crate::format::{ANGLES, PointFormat};
 use terrane_base::geom::{Frame, Ruler};
 
 /// What is in a column.

@@ -3,26 +3,10 @@
 use terrane_base::attribute::{self, CLASS, RETURN, RETURNS};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Ruler};
-use terrane_files::path_of;
 
-use super::member::take_room;
-use super::open::Cloud;
-use super::sieve::Raw;
-use super::write::{Column, TIME};
-use super::{Census, carry};
-
-/// Reads points together with some of their attributes.
-pub trait Columns: Send + Sync {
-    /// Reads a part and hands on its filtered points, at most [`BATCH`](super::BATCH) at a time, with a column for
-    /// each attribute; NaN where a point has no value.
-    ///
-    /// # Errors
-    /// As for [`PointSource::read`](super::PointSource::read).
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census>;
-}
-
-/// What takes points with their columns.
-pub type Each<'a> = dyn FnMut(&[Point], &[Vec<f64>]) -> Result<()> + 'a;
+use super::column::Column;
+use super::raw::Raw;
+use super::source::Each;
 
 /// Attributes that every source of points knows.
 const COMMON: [(&str, Reader); 3] =
@@ -132,40 +116,5 @@ impl<'a> Table<'a> {
         self.points.clear();
         self.columns.iter_mut().for_each(Vec::clear);
         done
-    }
-}
-
-/// Columns of the files of a cloud.
-struct OfCloud<'a> {
-    cloud: &'a Cloud,
-    /// By file.
-    readers: Vec<Vec<Reader>>,
-}
-
-impl Cloud {
-    /// Columns of these attributes.
-    ///
-    /// # Errors
-    /// A file that has not all of them; times that are not counted alike.
-    pub(super) fn tell(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
-        let mut readers = Vec::new();
-        let origins = self.origins().collect::<Result<Vec<_>>>()?;
-        for origin in &origins {
-            let found = self::readers(names, &origin.columns());
-            readers.push(found.map_err(|e| e.in_file(&path_of(origin.name)))?);
-        }
-        let is_time =
-            |reader: &Reader| matches!(reader, Reader::Field(column) if column.name == TIME);
-        if readers.iter().flatten().any(is_time) {
-            carry::Times::of_all(&origins)?;
-        }
-        Ok(Box::new(OfCloud { cloud: self, readers }))
-    }
-}
-
-impl Columns for OfCloud<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
-        let (number, member, inner) = self.cloud.part(part)?;
-        take_room(|room| member.columns(inner, &self.readers[number], room, each))
     }
 }

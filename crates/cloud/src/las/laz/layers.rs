@@ -1,6 +1,6 @@
 //! The head of a layered chunk: its first point, how many points it has, and the bytes of each layer.
 
-use crate::las::Bytes;
+use crate::las::bytes::Bytes;
 
 use super::Layout;
 

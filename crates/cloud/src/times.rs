@@ -1,11 +1,8 @@
 //! What the times of points are counted from, which bits of the global encoding say, and in LAS 1.5 a field.
 
-use super::Origin;
-use crate::las::Header;
-use crate::version::LasVersion;
-use crate::write::Packing;
+use super::las::Header;
+use super::version::{LasVersion, Packing};
 use terrane_base::error::{Error, Result};
-use terrane_files::{path_of, shown};
 
 /// Bits of the global encoding: times are GPS times less a billion seconds; with the other bit, from version 1.5 on,
 /// less as many millions as the header says.
@@ -34,26 +31,6 @@ impl Times {
             }
             bits if bits & STANDARD > 0 => Self::USUAL,
             _ => Self::Week,
-        }
-    }
-
-    /// Those of all files that have any.
-    ///
-    /// # Errors
-    /// Files that do not count them alike.
-    pub(crate) fn of_all(origins: &[Origin<'_>]) -> Result<Self> {
-        let mut timed = origins.iter().filter(|origin| origin.has_time());
-        let first = timed.next();
-        let times = first.map_or(Self::USUAL, Origin::times);
-        match (first, timed.find(|origin| origin.times() != times)) {
-            (Some(first), Some(other)) => Err(Error::unsupported(format!(
-                "its times are counted otherwise than those of {}: in seconds of the week, or of GPS time from another \
-                 day on",
-                shown(first.name)
-            ))
-            .in_file(&path_of(other.name))
-            .remedy("write them on their own, or bring their times into one")),
-            _ => Ok(times),
         }
     }
 

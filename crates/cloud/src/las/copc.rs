@@ -6,8 +6,10 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-use super::las::{Bytes, Header, Vlr};
+use super::bytes::Bytes;
+use super::header::Header;
 use super::laz::Chunk;
+use super::vlr::Vlr;
 
 /// Who writes the records, and the number of the one that describes the octree.
 const USER: &str = "copc";

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use terrane_base::error::{Error, Result};
 
-use crate::las::Bytes;
-use crate::write::{Column, Value};
+use super::bytes::Bytes;
+use crate::column::{Column, Value};
 
 /// Who writes the record that describes dimensions, and its number.
 pub(crate) const USER: &str = "LASF_Spec";

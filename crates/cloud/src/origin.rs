@@ -1,0 +1,89 @@
+//! What is known of a file of a cloud beside its points.
+
+use super::column::{Column, TIME, columns};
+use super::format::PointFormat;
+use super::las::{Extra, LasFile};
+use super::member::File;
+use super::text::TextFile;
+use super::times::Times;
+use terrane_base::error::{Error, Result};
+use terrane_files::{path_of, shown};
+
+/// What is known of a file of the cloud.
+pub(super) struct Origin<'a> {
+    pub(super) name: &'a str,
+    /// `None` for text.
+    pub(super) las: Option<&'a LasFile>,
+    text: Option<&'a TextFile>,
+    pub(super) format: PointFormat,
+    pub(super) extra: Extra,
+}
+
+impl<'a> Origin<'a> {
+    pub(super) fn new(name: &'a str, file: &'a File) -> Result<Self> {
+        match file {
+            File::Las(file) => Self::of(name, file).map_err(|e| e.in_file(&file.path)),
+            File::Text(file) => Ok(Self {
+                name,
+                las: None,
+                text: Some(file),
+                format: file.format(),
+                extra: Extra::default(),
+            }),
+        }
+    }
+
+    fn of(name: &'a str, file: &'a LasFile) -> Result<Self> {
+        let format = PointFormat::new(file.header.format)?;
+        let extra = file.extra.clone();
+        Ok(Self { name, las: Some(file), text: None, format, extra })
+    }
+
+    /// The columns of its records; of text those that it has beside what all points have.
+    pub(super) fn columns(&self) -> Vec<Column> {
+        match self.text {
+            None => columns(self.format, &self.extra.columns(self.format.size())),
+            Some(text) => text.columns(),
+        }
+    }
+
+    pub(super) fn encoding(&self) -> u16 {
+        self.las.map_or(0, |file| file.header.encoding)
+    }
+
+    /// What its times are counted from.
+    fn times(&self) -> Times {
+        let is_standard = self.text.is_some_and(|text| text.is_standard);
+        let of_text = if is_standard { Times::USUAL } else { Times::Week };
+        self.las.map_or(of_text, |file| Times::of(&file.header))
+    }
+
+    pub(super) fn has_time(&self) -> bool {
+        match self.text {
+            None => self.format.places().time.is_some(),
+            Some(text) => text.columns().iter().any(|column| column.name() == TIME),
+        }
+    }
+}
+
+impl Times {
+    /// Those of all files that have any.
+    ///
+    /// # Errors
+    /// Files that do not count them alike.
+    pub(super) fn of_all(origins: &[Origin<'_>]) -> Result<Self> {
+        let mut timed = origins.iter().filter(|origin| origin.has_time());
+        let first = timed.next();
+        let times = first.map_or(Self::USUAL, Origin::times);
+        match (first, timed.find(|origin| origin.times() != times)) {
+            (Some(first), Some(other)) => Err(Error::unsupported(format!(
+                "its times are counted otherwise than those of {}: in seconds of the week, or of GPS time from another \
+                 day on",
+                shown(first.name)
+            ))
+            .in_file(&path_of(other.name))
+            .remedy("write them on their own, or bring their times into one")),
+            _ => Ok(times),
+        }
+    }
+}

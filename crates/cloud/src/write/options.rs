@@ -1,0 +1,69 @@
+//! What a file is to be.
+
+use super::octree::Cube;
+use super::vlr::Vlr;
+use crate::format::PointFormat;
+use crate::version::{LasVersion, Packing};
+use terrane_base::geom::{Crs, Frame};
+
+/// What a file is to be.
+#[derive(Clone, Debug)]
+pub struct WriteOptions {
+    /// Format of its points.
+    pub format: PointFormat,
+    /// The version of LAS, which has points of this format.
+    pub version: LasVersion,
+    /// Whether and how they are compressed.
+    pub packing: Packing,
+    /// Where nodes lie, of files that have them.
+    pub cube: Option<Cube>,
+    /// Where the points lie: scale and offset of the header.
+    pub frame: Frame,
+    /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
+    /// before it. LAS 1.5 knows nothing but text.
+    pub crs: Crs,
+    /// What is taken over from other files.
+    pub carried: Carried,
+    /// Replace an existing file.
+    pub overwrite: bool,
+}
+
+impl WriteOptions {
+    /// An uncompressed file with points of this format, of the first version that has them.
+    pub fn new(format: PointFormat, frame: Frame, crs: Crs) -> Self {
+        let (version, packing) = (LasVersion::of(format), Packing::default());
+        let carried = Carried::default();
+        Self { format, version, packing, cube: None, frame, crs, carried, overwrite: false }
+    }
+}
+
+/// What a file takes over from those that its points come from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Carried {
+    /// Bits of the global encoding, but for that of well-known text.
+    pub encoding: u16,
+    /// What times are counted from, in millions of seconds of GPS time, where the encoding says so.
+    pub time_offset: u16,
+    /// Number of the file or flight line.
+    pub source: u16,
+    /// What measured it.
+    pub system: String,
+    /// Bytes of each record behind the fields of its format.
+    pub extra_bytes: u16,
+    /// Other records.
+    pub vlrs: Vec<Vlr>,
+}
+
+impl Default for Carried {
+    /// Nothing; times are adjusted standard GPS times.
+    fn default() -> Self {
+        Self {
+            encoding: 1,
+            time_offset: 0,
+            source: 0,
+            system: String::new(),
+            extra_bytes: 0,
+            vlrs: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! Variable length records, as they stand in a file.
+
+/// Most bytes of a record before the points.
+pub(super) const MOST_BYTES: usize = u16::MAX as usize;
+
+/// A variable length record: before the points, or behind them where it is too long for that.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Vlr {
+    /// Who defines it.
+    pub user: String,
+    /// Its number.
+    pub number: u16,
+    /// For people.
+    pub about: String,
+    /// What it holds.
+    pub data: Vec<u8>,
+}
+
+impl Vlr {
+    /// For people.
+    pub(crate) fn name(&self) -> String {
+        format!("{} {}", self.user, self.number)
+    }
+
+    /// Appends it as it stands before the points, or behind them.
+    pub(super) fn append(&self, is_behind: bool, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(&[0; 2]);
+        bytes.extend_from_slice(&text::<16>(&self.user));
+        bytes.extend_from_slice(&self.number.to_le_bytes());
+        let length = (self.data.len() as u64).to_le_bytes();
+        bytes.extend_from_slice(if is_behind { &length } else { &length[..2] });
+        bytes.extend_from_slice(&text::<32>(&self.about));
+        bytes.extend_from_slice(&self.data);
+    }
+
+    pub(super) fn is_long(&self) -> bool {
+        self.data.len() > MOST_BYTES
+    }
+}
+
+/// Text padded with zeros, cut where it is too long.
+pub(super) fn text<const N: usize>(text: &str) -> [u8; N] {
+    let mut field = [0; N];
+    let end = (0..=N).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
+    field[..end].copy_from_slice(&text.as_bytes()[..end]);
+    field
+}
