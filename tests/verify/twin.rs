@@ -561,7 +561,9 @@ fn a_crowd_of_triangles_in_one_place_is_refused_by_name() {
     assert_eq!(error.kind(), terrane::ErrorKind::Resource);
     // What is advised is enough, and not much less is.
     let remedy = error.remedy_text().unwrap();
-    let advised = terrane_engine::memory::parse(remedy.split_whitespace().nth(2).unwrap()).unwrap();
+    let advised =
+        terrane_engine::operation::Memory::from(remedy.split_whitespace().nth(2).unwrap());
+    let advised = advised.bytes().unwrap();
     assert_eq!(verify(advised).unwrap().non_manifold_edges.count, 3, "{remedy}");
     assert!(verify(advised / 2).is_err(), "{remedy}");
 }
