@@ -12,9 +12,9 @@
 use std::ops::Range;
 use std::sync::Mutex;
 
-use super::Work;
 use super::region_mesh::RegionMesh;
 use super::regions::Region;
+use super::work::Work;
 use crate::points::{PointStore, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;

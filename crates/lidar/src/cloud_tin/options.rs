@@ -4,14 +4,11 @@ use std::path::Path;
 
 use terrane_options::{Options, Range, Rule};
 
-use super::plan::run_in;
-use super::{CloudTinJob, CloudTinReport, run};
+use super::job::CloudTinJob;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::OpenOptions;
 use terrane_engine::Resources;
-use terrane_engine::operation::{Operation, Request, Writes};
-use terrane_engine::options::Constraints;
-use terrane_engine::options::{CloudInput, FileOutput, Resuming};
+use terrane_engine::options::{CloudInput, Constraints, FileOutput, Resuming};
 use terrane_engine::placing::Placing;
 use terrane_raster::Inputs;
 
@@ -62,7 +59,7 @@ impl CloudTinOptions {
     }
 
     /// The same without the polygons that points are within.
-    fn unread(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
+    pub(super) fn unread(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
         let none = || Error::usage("no target given").remedy("pass ‹max_error›");
         Ok(CloudTinJob {
             inputs: inputs.clone(),
@@ -78,26 +75,5 @@ impl CloudTinOptions {
             measure: true,
             resources: self.resources.clone(),
         })
-    }
-}
-
-impl Operation for CloudTinOptions {
-    const NAME: &'static str = "cloud-tin";
-    type Input = CloudInput;
-    const WRITES: Writes = Writes::Mesh;
-    type Report = CloudTinReport;
-
-    fn check(&self, output: &Path) -> Result<()> {
-        let job = self.unread(&Inputs::from(Vec::new()), output)?;
-        job.format().and(job.check())
-    }
-
-    fn run(&self, request: Request<'_>) -> Result<CloudTinReport> {
-        let Request { inputs, output, skipped, is_measured, progress, cancel } = request;
-        let job = CloudTinJob { measure: is_measured, ..self.job(inputs, output)? };
-        match &self.resuming.workdir {
-            None => run(&job, progress, cancel),
-            Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
-        }
     }
 }

@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
+use super::job::CloudTinJob;
 use super::lines::Lines;
-use super::regions::Regions;
-use super::{CloudTinJob, Work, no_surface};
+use super::regions::{Regions, no_surface};
+use super::work::Work;
 use crate::points::{Filling, PointStore, Tiling};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Point3};

@@ -7,7 +7,7 @@
 
 use std::collections::HashMap;
 
-use super::regions::Region;
+use super::regions::{Region, no_surface};
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
@@ -34,7 +34,7 @@ impl<'a> RegionMesh<'a> {
     /// The triangulation of `vertices` as far as `region` sees it. `hull` has the corners of
     /// the convex hull of all vertices, at least three.
     pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &[Point]) -> Result<Self> {
-        let mesh = Mesh::of_first(hull).ok_or_else(super::no_surface)?;
+        let mesh = Mesh::of_first(hull).ok_or_else(no_surface)?;
         let tiling = vertices.tiling();
         let whole = region.window(tiling).grown(tiling.side());
         let mut local = Self { vertices, region, mesh, loaded: HashMap::new(), whole };

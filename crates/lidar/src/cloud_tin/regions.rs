@@ -3,7 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::points::{PointStore, Tiling};
+use terrane_base::error::Error;
 use terrane_delaunay::Window;
+
+/// Most points of a region, unless a single square holds more.
+pub(super) const REGION_POINTS: u64 = 1 << 17;
 
 /// A block of squares that is worked on by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -92,4 +96,10 @@ impl Regions {
 /// The quarters of a block, the one to be taken up last first.
 fn quarters([col, row]: [u32; 2], side: u32) -> [([u32; 2], u32); 4] {
     [[1, 1], [0, 1], [1, 0], [0, 0]].map(|[x, y]| ([col + x * side, row + y * side], side))
+}
+
+/// The error of points that no mesh goes through.
+pub(super) fn no_surface() -> Error {
+    Error::bad_input("the points have no surface: fewer than three, or all on a line")
+        .remedy("look at the filters, or at the files with `terrane info`")
 }

@@ -3,8 +3,8 @@
 
 use std::sync::Mutex;
 
-use super::Work;
 use super::region_mesh::RegionMesh;
+use super::work::Work;
 use crate::points::PointStore;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Frame, Point, Point3};

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use super::PointStore;
+use super::store::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_delaunay::{Bins, Disc, Finder, Found, Hull, Natural, Needs, Position, Space, Window};

@@ -8,7 +8,8 @@
 
 use std::ops::Range;
 
-use super::{Around, PointStore};
+use super::around::Around;
+use super::store::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::{Frame, Point, REACH};
 use terrane_delaunay::{Found, Hull, Position, Window, interpolate};

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::Summary;
+use super::summary::Summary;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_delaunay::Window;

@@ -9,13 +9,15 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::needs::Sample;
-use super::{CloudTinStatus, PointRun, PointStatus};
+use super::report::{CloudTinStatus, PointRun, PointStatus};
 use crate::cloud_tin::choose::{BAND, Errors, Look, Settling, due, first_choice, look_at_all};
+use crate::cloud_tin::job::{CloudTinJob, CloudTinReport};
 use crate::cloud_tin::lines::Lines;
+use crate::cloud_tin::make::{self, Clock, report};
 use crate::cloud_tin::ready::Ready;
-use crate::cloud_tin::regions::{Region, Regions};
+use crate::cloud_tin::regions::{Region, Regions, no_surface};
+use crate::cloud_tin::work;
 use crate::cloud_tin::write::write;
-use crate::cloud_tin::{self, Clock, CloudTinJob, CloudTinReport, no_surface};
 use crate::points::{PointStore, ShelfWriter, Shelves, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
@@ -264,7 +266,7 @@ impl<'a> Desk<'a> {
     }
 
     /// The work on some points, so many bytes being held beside them.
-    fn work<'w>(&'w self, points: &'w PointStore, held: u64) -> Result<cloud_tin::Work<'w>> {
+    fn work<'w>(&'w self, points: &'w PointStore, held: u64) -> Result<work::Work<'w>> {
         self.ready.work((points, &self.regions, &self.lines), held, self.at)
     }
 
@@ -333,7 +335,7 @@ impl<'a> Desk<'a> {
     fn settle(
         &self,
         survey: &Survey<'_, CloudMesh>,
-        work: &cloud_tin::Work<'_>,
+        work: &work::Work<'_>,
         vertices: &PointStore,
     ) -> Result<Errors> {
         let (rounds, tolerance) = (self.mesh.rounds(), self.ready.tolerance());
@@ -344,7 +346,7 @@ impl<'a> Desk<'a> {
         let settling = Settling::after(seen, changed.squares().map(|(s, _)| s), &self.tiling);
         let settled = settling.run(vertices, |due| {
             let points = self.read_regions(due)?;
-            let work = cloud_tin::Work { points: &points, ..*work };
+            let work = work::Work { points: &points, ..*work };
             look_at_all(&work, vertices, (tolerance, &self.hull), due)
         })?;
         Ok(settled.end(tolerance).0)
@@ -504,8 +506,8 @@ impl Work for CloudMesh {
         let Census { kept, .. } = mesh.seen.census;
         let stacked = kept - if mesh.rounds() == 0 { written.vertices } else { errors.points };
         let (spilled, apart) = (vertices.spilled(), Vec::new());
-        let made = cloud_tin::Made { written, errors, stacked, spilled, apart };
-        let mut report = cloud_tin::report(&ready, &work, mesh.seen.census, &made, clock)?;
+        let made = make::Made { written, errors, stacked, spilled, apart };
+        let mut report = report(&ready, &work, mesh.seen.census, &made, clock)?;
         report.of_source(&*opened.source, &mesh.seen.losses, started);
         run.mesh = Some(report.clone());
         Ok(report)

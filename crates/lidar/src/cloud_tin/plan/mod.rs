@@ -15,54 +15,23 @@
 
 mod mesh;
 mod needs;
+mod report;
 
 use std::path::Path;
 
-use serde::Serialize;
-
-use super::{CloudTinJob, CloudTinOptions, CloudTinReport, REGION_POINTS};
+use super::job::{CloudTinJob, CloudTinReport};
+use super::options::CloudTinOptions;
+use super::regions::REGION_POINTS;
 use mesh::{CloudMesh, Opened, Whole};
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, Request};
-use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport, Written};
+use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport};
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::refuse_held;
 use terrane_mesh::by_path;
 
-/// A mesh of a cloud to plan; a task has so many points at the most (`cut`).
-pub type PlanCloudTinJob = plan::PlanJob<CloudTinJob>;
-/// The plan of a mesh of a cloud, or how far the work on it has come.
-pub type CloudTinStatus = StatusReport<PointStatus>;
-
-/// What is told of the plan of a mesh of a cloud alone.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)]
-pub struct PointStatus {
-    pub max_error: f64,
-    /// Points of which the mesh is made.
-    pub points: u64,
-    pub regions: u64,
-}
-
-/// What is told of a run on a mesh of a cloud alone.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct PointRun {
-    /// Vertices that the tasks of this run chose.
-    pub vertices: u64,
-    /// The mesh, if this run came to it; its time is that of writing it.
-    pub mesh: Option<CloudTinReport>,
-}
-
-impl Written for PointRun {
-    fn written(&self) -> Option<&str> {
-        self.mesh.as_ref().map(|mesh| mesh.output.as_str())
-    }
-
-    fn unmet(&self) -> Option<String> {
-        self.mesh.as_ref().and_then(CloudTinReport::unmet)
-    }
-}
+pub use report::{CloudTinStatus, PlanCloudTinJob, PointRun, PointStatus};
 
 impl Divisible for CloudTinOptions {
     const TASK_SIZE: &'static str = "Most points of a task, but for the 131,072 that are worked on together \
@@ -114,7 +83,7 @@ pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Resu
         None => {
             let (seen, share) = Whole::look(&opened, (*cut, most), &opened.ready()?, at)?;
             let mesh = CloudMesh::of(&opened, *cut, seen)?;
-            let needs = needs::expect(&opened, &mesh, share)?;
+            let needs = needs::expect(&opened.ready()?, &mesh.seen.regions, share)?;
             (mesh, needs)
         }
     };

@@ -1,11 +1,9 @@
 //! What the work on a mesh of a cloud will take, from squares that choose vertices as all will.
 
-use super::mesh::{CloudMesh, Opened};
-use crate::cloud_tin::REGION_POINTS;
 use crate::cloud_tin::choose::{BAND, first_choice};
 use crate::cloud_tin::lines::Lines;
 use crate::cloud_tin::ready::Ready;
-use crate::cloud_tin::regions::{Region, Regions};
+use crate::cloud_tin::regions::{REGION_POINTS, Region, Regions};
 use crate::points::{ENTRY, POINT, PointStore, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
@@ -93,8 +91,7 @@ fn places(tiling: &Tiling) -> Vec<usize> {
 }
 
 /// What the plan will take, of whose points such a `share` will be vertices.
-pub(super) fn expect(opened: &Opened, mesh: &CloudMesh, share: f64) -> Result<Needs> {
-    let (ready, regions) = (opened.ready()?, &mesh.seen.regions);
+pub(super) fn expect(ready: &Ready<'_>, regions: &[Region], share: f64) -> Result<Needs> {
     let points: u64 = regions.iter().map(|region| region.points).sum();
     let vertices = (points as f64 * share) as u64;
     let squares = ready.tiling().count() as u64;

@@ -3,14 +3,15 @@
 mod lines;
 mod plans;
 
-use super::ready::in_steps;
 use super::*;
+use crate::cloud_tin::ready::in_steps;
+use crate::cloud_tin::region_mesh::RegionMesh;
 use crate::few::Few;
 use crate::points::{Filling, Tiling};
 use std::sync::{Arc, Mutex};
 use terrane_base::error::ErrorKind;
 use terrane_base::geom::Point3;
-use terrane_engine::Silent;
+use terrane_engine::{Resources, Silent};
 use terrane_mesh::MeshBatch;
 use terrane_tin::scatter::{Fit, Mesh};
 
@@ -188,7 +189,7 @@ fn no_vertex_beyond_the_influence_of_a_region_touches_its_triangles() {
     let hull = store.hull().unwrap().corners();
     let (mut state, mut beyond) = (3, 0);
     for &region in &Regions::new(&store, &[], 500).all {
-        let local = region_mesh::RegionMesh::new(&store, region, &hull).unwrap();
+        let local = RegionMesh::new(&store, region, &hull).unwrap();
         let (influence, window) = (local.influence(), region.window(&tiling));
         let all = (0..local.mesh.triangles().len() as u32).filter_map(|t| local.mesh.corners(t));
         let sites = all.map(|corners| corners.map(|p| [p.x, p.y]));
@@ -232,7 +233,7 @@ fn few_points_and_lines_have_no_surface() {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("a.ply");
         let job = CloudTinJob::new(vec![], output, 1.0, Resources::default());
-        let format = mesh::by_path(&job.output, None).unwrap();
+        let format = terrane_mesh::by_path(&job.output, None).unwrap();
         let at = At { progress: &Silent, cancel: &Cancel::default() };
         let error =
             make(&job, &source, (Features::default(), format), REGION_POINTS, at).unwrap_err();

@@ -1,0 +1,162 @@
+//! A cloud-to-TIN job, and its report.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{Census, OpenOptions, PointSource};
+use terrane_engine::Resources;
+use terrane_engine::breaklines::BreaklinesReport;
+use terrane_engine::figures::Figures;
+use terrane_engine::kept::KeptReport;
+use terrane_engine::placing::{Placed, Placing};
+use terrane_engine::sift::Losses;
+use terrane_mesh::{self as mesh, MeshFormat};
+use terrane_raster::Inputs;
+use terrane_terrain::tin::{FlawReport, StageReport};
+
+/// A cloud-to-TIN job.
+#[derive(Clone, Debug)]
+pub struct CloudTinJob {
+    /// Files, folders, patterns or lists.
+    pub inputs: Inputs,
+    /// Which points are wanted, and how they are read.
+    pub options: OpenOptions,
+    /// Mesh file to write.
+    pub output: PathBuf,
+    /// Mesh format by name; by the output's ending when `None`.
+    pub format: Option<String>,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// How the mesh lies in a file of its own coordinates.
+    pub placing: Placing,
+    /// Largest vertical distance of any point from the mesh; 0 keeps every point.
+    pub tolerance: f64,
+    /// The name of a file of features; the point of the cloud nearest to each point of it is a vertex.
+    pub keep_points: Option<String>,
+    /// The name of a file of lines and polygons that edges follow.
+    pub breaklines: Option<String>,
+    /// Measure largest error and RMSE for the report.
+    pub measure: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+impl CloudTinJob {
+    /// A job without anything to keep.
+    pub fn new(
+        inputs: impl Into<Inputs>,
+        output: PathBuf,
+        tolerance: f64,
+        resources: Resources,
+    ) -> Self {
+        Self {
+            inputs: inputs.into(),
+            options: OpenOptions { threads: resources.threads, ..OpenOptions::default() },
+            output,
+            format: None,
+            overwrite: false,
+            placing: Placing::default(),
+            tolerance,
+            keep_points: None,
+            breaklines: None,
+            measure: false,
+            resources,
+        }
+    }
+
+    /// What the user calls the inputs.
+    pub(super) fn label(&self) -> String {
+        self.inputs.label().map_or_else(|| self.inputs.names().join(" "), str::to_owned)
+    }
+
+    /// Fails for a tolerance that is none.
+    pub(super) fn check(&self) -> Result<()> {
+        match self.tolerance >= 0.0 && self.tolerance.is_finite() {
+            true => Ok(()),
+            false => Err(Error::usage(format!("{} is no maximum error", self.tolerance))
+                .remedy("give a number of 0 or more, in the unit of the heights")),
+        }
+    }
+
+    /// What is written.
+    pub(super) fn format(&self) -> Result<&'static MeshFormat> {
+        mesh::by_path(&self.output, self.format.as_deref())
+    }
+}
+
+/// What a cloud-to-TIN job did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+#[non_exhaustive]
+pub struct CloudTinReport {
+    pub input: String,
+    pub output: String,
+    pub format: String,
+    pub files: u64,
+    pub crs: String,
+    pub horizontal_unit: String,
+    pub vertical_unit: String,
+    pub tolerance: f64,
+    /// Largest error of any point, when measured.
+    pub max_error: Option<f64>,
+    /// Root mean square error, when measured.
+    pub rmse: Option<f64>,
+    pub points: Census,
+    /// Points that lie above another one at the same position: they bind nothing.
+    pub stacked_points: u64,
+    /// What became of points to keep.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keep_points: Option<KeptReport>,
+    /// What became of breaklines, and
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub breaklines: Option<BreaklinesReport>,
+    /// vertices on them without an edge that goes on along the line.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub apart: Option<FlawReport>,
+    pub vertices: u64,
+    pub triangles: u64,
+    /// Vertices for each point that was kept.
+    pub kept: f64,
+    pub output_bytes: u64,
+    /// Coordinate reference system beside the mesh, when one was written.
+    pub prj: Option<String>,
+    /// How the mesh lies in its file, where that has coordinates of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub placed: Option<Placed>,
+    pub regions: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+    pub points_per_second: f64,
+    pub stages: Vec<StageReport>,
+    /// What is odd about the cloud.
+    pub notes: Vec<String>,
+}
+
+impl CloudTinReport {
+    /// Adds what the whole cloud tells, and the time since the work was `started`.
+    pub(super) fn of_source(
+        &mut self,
+        source: &dyn PointSource,
+        losses: &Losses,
+        started: Instant,
+    ) {
+        self.files = source.files().len() as u64;
+        self.notes.extend_from_slice(source.notes());
+        self.notes.extend(losses.notes());
+        self.notes.extend(source.info().crs.lost_in_wkt());
+        self.run.wall_seconds = started.elapsed().as_secs_f64();
+        self.points_per_second = self.run.rate(self.points.read);
+    }
+
+    /// What was asked for and is not so, in words.
+    pub fn unmet(&self) -> Option<String> {
+        let FlawReport { count, first } = self.apart?;
+        let [x, y] = first?;
+        Some(format!(
+            "{count} vertices on breaklines have no edge along them, the first one at x {x}, y {y}"
+        ))
+    }
+}

@@ -1,0 +1,211 @@
+//! The whole job: points in, regions, vertices, and the mesh out.
+
+use std::time::Instant;
+
+use super::choose::{Chosen, Errors, choose};
+use super::job::{CloudTinJob, CloudTinReport};
+use super::keep::{Nearest, nearest};
+use super::lines::Lines;
+use super::ready::Ready;
+use super::regions::{REGION_POINTS, Regions, no_surface};
+use super::work::Work;
+use super::write::{Written, write};
+use crate::points::PointStore;
+use terrane_base::error::Result;
+use terrane_base::geom::{Frame, Point};
+use terrane_cloud::{self as cloud, Census, PointSource};
+use terrane_delaunay::Hull;
+use terrane_engine::breaklines::BreaklinesReport;
+use terrane_engine::figures::Figures;
+use terrane_engine::kept::Features;
+use terrane_engine::memory::with_polygons;
+use terrane_engine::on_cloud::OnCloud;
+use terrane_engine::placing::Placed;
+use terrane_engine::plan::At;
+use terrane_engine::sift::Losses;
+use terrane_engine::{Cancel, Progress};
+use terrane_files::atomic::{AtomicFile, refuse_existing};
+use terrane_mesh::{MeshFormat, MeshSink, check_prj, write_prj};
+use terrane_terrain::tin::{FlawReport, StageReport};
+
+/// Runs a job from files to file.
+///
+/// # Errors
+/// As [`cloud::open`]; `Usage` for a tolerance that is none; `BadInput` when the points have no
+/// surface; `CannotWrite` and `Io` from the output and the temporary files; `Resource` when the memory
+/// does not suffice; `Interrupted`.
+pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<CloudTinReport> {
+    let started = Instant::now();
+    job.check()?;
+    refuse_existing(&job.output, job.overwrite)?;
+    let format = job.format()?;
+    let source = cloud::source(job.inputs.names(), &job.options)?;
+    drop(AtomicFile::create(&job.output, job.overwrite)?);
+    check_prj(&job.output, &source.info().crs, job.overwrite)?;
+    let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
+    let features = Features::read_for_cloud(points, lines, &job.resources)?;
+    let at = At { progress, cancel };
+    let mut report = with_polygons(&job.options, &job.resources, |resources| {
+        let job = CloudTinJob { resources, ..job.clone() };
+        make(&job, &*source, (features, format), REGION_POINTS, at)
+    })?;
+    report.run.memory_budget = job.resources.memory;
+    report.of_source(&*source, &Losses::of(&*source), started);
+    Ok(report)
+}
+
+/// Triangulates any source of points into the job's output, in regions of so many points at the most.
+pub fn make(
+    job: &CloudTinJob,
+    source: &dyn PointSource,
+    (features, format): (Features, &'static MeshFormat),
+    most: u64,
+    at: At<'_>,
+) -> Result<CloudTinReport> {
+    let ready = Ready::new((job, &job.label()), source, features, format)?;
+    let (kept, mut clock) = (&ready.kept, Clock::default());
+    let points = PointStore::fill(source, ready.tiling(), &ready.filling(at))?;
+    clock.lap("read", points.census().read);
+    let hull = points.hull()?;
+    if hull.is_flat() {
+        return Err(no_surface());
+    }
+    let mut lines = Lines::new(kept, hull.clone(), points.tiling());
+    let followed = kept.followed(|line| lines.is_outside(line), 0)?;
+    let regions = Regions::new(&points, &lines.by_square(points.tiling()), most);
+    lines.divide(&regions, points.tiling());
+    let nearest = nearest_points(kept, &points, &hull, ready.bounds)?;
+    let count = nearest.points.len() as u64;
+    let kept_points = kept.kept(nearest.beyond, count, count)?;
+    let held = kept.bytes() + lines.bytes();
+    let work = ready.work((&points, &regions, &lines), held, at)?;
+    let made = triangulate(
+        &work,
+        ready.tolerance(),
+        (&hull.corners(), &nearest.points),
+        &ready.info.frame,
+        || ready.sink(),
+        &mut clock,
+    )?;
+    let apart = made.apart.len() as u64;
+    let breaklines = followed.map(|followed| BreaklinesReport { apart, ..followed });
+    let report = report(&ready, &work, *points.census(), &made, clock)?;
+    Ok(CloudTinReport { keep_points: kept_points, breaklines, ..report })
+}
+
+/// The points nearest to those that are to be kept.
+fn nearest_points(
+    kept: &OnCloud,
+    points: &PointStore,
+    hull: &Hull,
+    [low, _]: [Point; 2],
+) -> Result<Nearest> {
+    let place = |at: &[u32; 2]| {
+        [(at[0], low.x), (at[1], low.y)].map(|(at, low)| low.saturating_add_unsigned(at))
+    };
+    let positions: Vec<[i32; 2]> = kept.points.iter().map(place).collect();
+    nearest(points, hull, &positions)
+}
+
+/// What came of the work.
+pub(super) struct Made {
+    pub(super) written: Written,
+    pub(super) errors: Errors,
+    pub(super) stacked: u64,
+    pub(super) spilled: u64,
+    /// Vertices on lines without an edge that goes on.
+    pub(super) apart: Vec<[i32; 2]>,
+}
+
+fn triangulate(
+    work: &Work<'_>,
+    tolerance: f64,
+    (hull, nearest): (&[Point], &[Point]),
+    frame: &Frame,
+    sink: impl FnOnce() -> Result<Box<dyn MeshSink>>,
+    clock: &mut Clock,
+) -> Result<Made> {
+    let kept = work.points.census().kept;
+    if tolerance == 0.0 && work.lines.is_empty() {
+        let written = write(work, work.points, hull, frame, sink()?)?;
+        clock.lap("write", kept);
+        let (stacked, spilled) = (kept - written.vertices, work.points.spilled());
+        let apart = Vec::new();
+        return Ok(Made { written, errors: Errors::default(), stacked, spilled, apart });
+    }
+    let Chosen { vertices, errors, apart } = choose(work, tolerance, hull, nearest)?;
+    clock.lap("choose", kept);
+    let written = write(work, &vertices, hull, frame, sink()?)?;
+    clock.lap("write", written.vertices);
+    let spilled = work.points.spilled() + vertices.spilled();
+    Ok(Made { written, errors, stacked: kept - errors.points, spilled, apart })
+}
+
+/// Times of the stages.
+#[derive(Debug)]
+pub(super) struct Clock {
+    last: Instant,
+    stages: Vec<StageReport>,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self { last: Instant::now(), stages: Vec::new() }
+    }
+}
+
+impl Clock {
+    /// Ends a stage that handled `points`.
+    pub(super) fn lap(&mut self, name: &str, points: u64) {
+        let thread_seconds = self.last.elapsed().as_secs_f64();
+        self.stages.push(StageReport { name: name.to_owned(), thread_seconds, samples: points });
+        self.last = Instant::now();
+    }
+}
+
+pub(super) fn report(
+    ready: &Ready<'_>,
+    work: &Work<'_>,
+    points: Census,
+    made: &Made,
+    clock: Clock,
+) -> Result<CloudTinReport> {
+    let Ready { job, info, format, .. } = ready;
+    let Made { written, errors, .. } = made;
+    let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
+    let step = info.frame.scale[2];
+    let measured = |steps: f64| work.measure.then_some(steps * step);
+    Ok(CloudTinReport {
+        input: ready.label.clone(),
+        output: job.output.display().to_string(),
+        format: format.name.to_owned(),
+        crs: info.crs.label(),
+        horizontal_unit: info.crs.horizontal_units().to_owned(),
+        vertical_unit: info.crs.heights_unit().unwrap_or("units").to_owned(),
+        tolerance: job.tolerance,
+        max_error: measured(errors.most),
+        rmse: measured((errors.squares / errors.points.max(1) as f64).sqrt()),
+        points,
+        stacked_points: made.stacked,
+        vertices: written.vertices,
+        triangles: written.triangles,
+        kept: written.vertices as f64 / points.kept.max(1) as f64,
+        output_bytes: written.bytes,
+        prj: prj.map(|path| path.display().to_string()),
+        placed: Some(ready.placed.clone()).filter(Placed::is_local),
+        regions: work.regions.all.len() as u64,
+        run: Figures::since(Instant::now(), &job.resources)
+            .with_threads(work.threads)
+            .with_spilled(made.spilled),
+        stages: clock.stages,
+        apart: made.apart.first().map(|&[x, y]| {
+            let [x, y, _] = info.frame.world(Point::new(x, y, 0));
+            FlawReport { count: made.apart.len() as u64, first: Some([x, y]) }
+        }),
+        notes: ready.notes.clone(),
+        ..CloudTinReport::default()
+    })
+}
+
+#[cfg(test)]
+mod tests;

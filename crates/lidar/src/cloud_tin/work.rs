@@ -1,0 +1,35 @@
+//! What every stage of the work on a mesh of a cloud is done with.
+
+use std::path::Path;
+
+use super::lines::Lines;
+use super::regions::Regions;
+use crate::points::PointStore;
+use terrane_base::error::Result;
+use terrane_engine::{Cancel, Progress, workers};
+
+/// What every stage works with.
+#[derive(Clone, Copy)]
+pub(super) struct Work<'a> {
+    pub(super) points: &'a PointStore,
+    pub(super) regions: &'a Regions,
+    pub(super) lines: &'a Lines<'a>,
+    pub(super) threads: usize,
+    /// Bytes of vertices that may wait in memory.
+    pub(super) vertex_bytes: u64,
+    pub(super) measure: bool,
+    pub(super) folder: &'a Path,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl Work<'_> {
+    /// Does `work` for every number below `count`, on all threads.
+    pub(super) fn on_all(
+        &self,
+        count: u64,
+        work: impl Fn(&mut (), u64) -> Result<()> + Sync,
+    ) -> Result<()> {
+        workers::run(self.threads, count, self.cancel, || (), work, Ok)
+    }
+}

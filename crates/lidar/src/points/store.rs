@@ -1,0 +1,307 @@
+//! All points of a cloud in squares: read once, in memory or in a file, and handed out square by square.
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use super::limits::{Limits, parts_in};
+use super::shelf::Shelves;
+use super::summary::Summary;
+use super::tiling::Tiling;
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_cloud::{Census, PointSource};
+use terrane_delaunay::{Disc, Hull, Place, Position, Window};
+use terrane_engine::sift::Losses;
+use terrane_engine::workers;
+use terrane_engine::{Cancel, FileAt, Progress};
+use terrane_files::{Buckets, lock};
+
+/// The points of a cloud by square.
+#[derive(Debug)]
+pub(crate) struct PointStore {
+    tiling: Tiling,
+    pub(super) points: Buckets<Point>,
+    /// What lies in files beside them.
+    shelves: Shelves,
+    /// Squares whose points are kept, where these are not all.
+    wanted: Option<Vec<bool>>,
+    summaries: Vec<Mutex<Summary>>,
+    census: Census,
+    losses: Losses,
+    /// Where not all of the cloud is in it.
+    pub(super) limits: Option<Limits>,
+    /// Where no points are kept, but what surrounds them.
+    outline: Option<Mutex<Hull>>,
+}
+
+/// How a store is filled.
+pub(crate) struct Filling<'a> {
+    /// Threads that read.
+    pub(crate) threads: usize,
+    /// Bytes of points that may stay in memory.
+    pub(crate) memory: u64,
+    /// Folder of the temporary file, if one is needed.
+    pub(crate) folder: &'a Path,
+    /// Only what lies in it, where it is not all of the cloud.
+    pub(crate) within: Option<Window>,
+    pub(crate) progress: &'a dyn Progress,
+    pub(crate) cancel: &'a Cancel,
+}
+
+impl PointStore {
+    /// Reads the cloud once.
+    pub(crate) fn fill(
+        source: &dyn PointSource,
+        tiling: Tiling,
+        filling: &Filling<'_>,
+    ) -> Result<Self> {
+        Self::empty(tiling, filling.folder, filling.memory).filled(source, filling)
+    }
+
+    /// The same store with the points of a cloud, read once.
+    pub(crate) fn filled(self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Self> {
+        self.filled_and(source, filling, &|_| Ok(()))
+    }
+
+    /// The same; the points are handed to `also`, too.
+    pub(crate) fn filled_and(
+        self,
+        source: &dyn PointSource,
+        filling: &Filling<'_>,
+        also: &(dyn Fn(&[Point]) -> Result<()> + Sync),
+    ) -> Result<Self> {
+        let add = |points: &[Point]| {
+            also(points)?;
+            self.add(points)
+        };
+        let census = self.read_all(source, filling, &|batch| match filling.within {
+            None => add(batch),
+            Some(window) => {
+                let near: Vec<_> =
+                    batch.iter().filter(|p| window.contains([p.x, p.y])).copied().collect();
+                add(&near)
+            }
+        })?;
+        Ok(Self { census, losses: Losses::of(source), ..self })
+    }
+
+    /// The same store, which will know its squares and what surrounds its points, and keep none of these.
+    pub(crate) fn outline(self) -> Self {
+        Self { outline: Some(Mutex::default()), ..self }
+    }
+
+    /// A store without points, which may have about `memory` bytes of them before it takes to a file
+    /// in `folder`.
+    pub(crate) fn empty(tiling: Tiling, folder: &Path, memory: u64) -> Self {
+        let summaries = (0..tiling.count()).map(|_| Mutex::new(Summary::EMPTY)).collect();
+        let points = Buckets::new(folder, tiling.count(), memory);
+        Self {
+            tiling,
+            points,
+            shelves: Shelves::default(),
+            wanted: None,
+            summaries,
+            census: Census::default(),
+            losses: Losses::default(),
+            limits: None,
+            outline: None,
+        }
+    }
+
+    /// The same store, which will hold only the points within `limits`, if there are any.
+    pub(crate) fn limited(self, limits: Option<Limits>) -> Self {
+        Self { limits, ..self }
+    }
+
+    /// The same store with the points of files, too.
+    pub(crate) fn over(self, shelves: Shelves) -> Self {
+        for (square, summary) in shelves.squares() {
+            lock(&self.summaries[square]).merge(&summary);
+        }
+        Self { shelves, ..self }
+    }
+
+    /// The same store, which will keep only points of these squares.
+    pub(crate) fn only(self, squares: impl Iterator<Item = usize>) -> Self {
+        let mut wanted = vec![false; self.tiling.count()];
+        squares.for_each(|square| wanted[square] = true);
+        Self { wanted: Some(wanted), ..self }
+    }
+
+    /// True once an answer needed points that it does not hold.
+    pub(crate) fn is_exceeded(&self) -> bool {
+        self.limits.as_ref().is_some_and(Limits::is_exceeded)
+    }
+
+    fn read_all(
+        &self,
+        source: &dyn PointSource,
+        filling: &Filling<'_>,
+        take: &(dyn Fn(&[Point]) -> Result<()> + Sync),
+    ) -> Result<Census> {
+        let census = Mutex::new(Census::default());
+        let parts = match &filling.within {
+            Some(window) => parts_in(source, window),
+            None => (0..source.parts()).collect(),
+        };
+        filling.progress.begin("read", parts.iter().map(|part| source.points_of(*part)).sum());
+        let part = |found: &mut Census, part: u64| {
+            let part = parts[part as usize];
+            FileAt::tell(filling.progress, source, part);
+            let read = source.read(part, &mut |batch| take(batch))?;
+            found.add(&read);
+            filling.progress.advance(read.read);
+            Ok(())
+        };
+        let finish = |found: Census| {
+            lock(&census).add(&found);
+            Ok(())
+        };
+        let count = parts.len() as u64;
+        workers::run(filling.threads, count, filling.cancel, Census::default, part, finish)?;
+        filling.progress.end();
+        Ok(*lock(&census))
+    }
+
+    /// Adds points; those that follow each other within a square go together.
+    pub(crate) fn add(&self, points: &[Point]) -> Result<()> {
+        if let Some(outline) = &self.outline {
+            surround(outline, points);
+        }
+        for run in points.chunk_by(|a, b| self.tiling.square_of(*a) == self.tiling.square_of(*b)) {
+            let square = self.tiling.square_of(run[0]);
+            if self.wanted.as_ref().is_some_and(|wanted| !wanted[square]) {
+                continue;
+            }
+            lock(&self.summaries[square]).add(run);
+            if self.outline.is_none() {
+                self.points.push(square, run)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the squares lie.
+    pub(crate) fn tiling(&self) -> &Tiling {
+        &self.tiling
+    }
+
+    /// Files whose damage was passed over.
+    pub(crate) fn losses(&self) -> &Losses {
+        &self.losses
+    }
+
+    /// What became of the points read.
+    pub(crate) fn census(&self) -> &Census {
+        &self.census
+    }
+
+    /// What a square holds; `None` when it holds nothing.
+    pub(crate) fn summary(&self, square: usize) -> Option<Summary> {
+        let summary = *lock(&self.summaries[square]);
+        (summary.count > 0).then_some(summary)
+    }
+
+    /// The points of a square, in canonical order, in place of what `out` held.
+    pub(crate) fn load(&self, square: usize, out: &mut Vec<Point>) -> Result<()> {
+        out.clear();
+        self.visit(square, |run| out.extend_from_slice(run))?;
+        out.sort_unstable();
+        Ok(())
+    }
+
+    /// Hands out the points of a square, a run at a time, in an order that means nothing.
+    pub(crate) fn visit(&self, square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
+        self.shelves.read(square, &mut each)?;
+        self.points.read(square, each)
+    }
+
+    /// Points in the store.
+    pub(crate) fn count(&self) -> u64 {
+        self.summaries.iter().map(|summary| lock(summary).count).sum()
+    }
+
+    /// Points of the squares that a window touches.
+    pub(crate) fn points_near(&self, window: Window) -> u64 {
+        let squares = self.tiling.touching(window);
+        squares.filter_map(|square| Some(self.summary(square)?.count)).sum()
+    }
+
+    /// The points of a square at distinct positions, in canonical order, in place of what `out` held:
+    /// of those at one position the lowest.
+    pub(crate) fn load_distinct(&self, square: usize, out: &mut Vec<Point>) -> Result<()> {
+        self.load(square, out)?;
+        out.dedup_by_key(|point| (point.x, point.y));
+        Ok(())
+    }
+
+    /// The convex hull of all points.
+    pub(crate) fn hull(&self) -> Result<Hull> {
+        if let Some(outline) = &self.outline {
+            return Ok(lock(outline).clone());
+        }
+        let summaries = || (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
+        let inner = Hull::of(summaries().map(|(_, summary)| summary.lowest).collect());
+        let (mut hull, mut points) = (inner.clone(), Vec::new());
+        for (square, Summary { window: Window { low, high }, .. }) in summaries() {
+            let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+            let is_outside = |corner| inner.place(Position::of(corner)) == Place::Outside;
+            if corners.into_iter().any(is_outside) {
+                self.load_distinct(square, &mut points)?;
+                hull = hull.merge(&Hull::of(points.clone()));
+            }
+        }
+        Ok(hull)
+    }
+
+    /// True when every point that may lie in the disc lies in `known`.
+    pub(crate) fn is_within(&self, disc: &Disc, known: &Window) -> bool {
+        // Few discs reach beyond, and it takes no root to tell of most that they do not.
+        disc.lies_in(known)
+            || disc.clip(&self.tiling.window()).is_none_or(|part| known.covers(&part))
+    }
+
+    /// The squares that may have a point in the disc.
+    pub(crate) fn squares_in(&self, disc: Disc) -> impl Iterator<Item = usize> {
+        let part = disc.clip(&self.tiling.window());
+        let rows = part.map(|part| {
+            let [low, high] = [part.low, part.high].map(|at| self.tiling.place(at));
+            (low[1]..=high[1]).flat_map(move |row| self.row_in(disc, row, [low[0], high[0]]))
+        });
+        rows.into_iter().flatten().filter(move |&square| {
+            self.summary(square).is_some_and(|summary| disc.clip(&summary.window).is_some())
+        })
+    }
+
+    /// Those of a row, between two columns.
+    fn row_in(
+        &self,
+        disc: Disc,
+        row: u32,
+        [first, last]: [u32; 2],
+    ) -> impl Iterator<Item = usize> + use<> {
+        let (tiling, strip) = (self.tiling, self.tiling.window_of(self.tiling.square([0, row])));
+        let west_to_east = Window {
+            low: [tiling.window().low[0], strip.low[1]],
+            high: [tiling.window().high[0], strip.high[1]],
+        };
+        let part = disc.clip(&west_to_east);
+        let columns = part.map(|part| [part.low, part.high].map(|at| tiling.place(at)[0]));
+        let columns = columns.map(|[low, high]| low.max(first)..=high.min(last));
+        columns.into_iter().flatten().map(move |col| tiling.square([col, row]))
+    }
+
+    /// Bytes that went to the temporary file.
+    pub(crate) fn spilled(&self) -> u64 {
+        self.points.spilled()
+    }
+}
+
+/// Makes a hull that of more points.
+fn surround(hull: &Mutex<Hull>, points: &[Point]) {
+    let known = lock(hull).clone();
+    let is_beyond = |p: &&Point| known.place(Position::of([p.x, p.y])) != Place::Inside;
+    let beyond = Hull::of(points.iter().filter(is_beyond).copied().collect());
+    let mut hull = lock(hull);
+    *hull = hull.merge(&beyond);
+}
