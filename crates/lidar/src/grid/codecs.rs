@@ -1,15 +1,14 @@
 //! How values of options of grids are written.
 
-use terrane_gridding::parse_list;
+use terrane_gridding::{Canopy, parse_list};
 use terrane_options::{Codec, Json, Kind};
 
-use super::{Canopy, GroundFrom};
-use crate::translate::Classify;
+use super::preset::kinds::GroundFrom;
 
 /// A value of a form of its own, by the text that it is written as.
 pub struct AsText;
 
-terrane_engine::by_text!(AsText, Kind::Text, Canopy Classify GroundFrom);
+terrane_engine::by_text!(AsText, Kind::Text, Canopy GroundFrom);
 
 /// A list of statistics.
 pub struct StatisticList;
@@ -29,16 +28,6 @@ impl Codec<String> for StatisticList {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::translate::Overlap;
-    use terrane_engine::options::AsNumber;
-
-    #[test]
-    fn cells_of_flight_lines_are_written_as_they_are_read() {
-        for text in ["auto", "2.5"] {
-            let overlap: Overlap = AsNumber::parse(text).unwrap();
-            assert_eq!(AsNumber::json(&overlap), Json::from(text));
-        }
-    }
 
     #[test]
     fn statistics_have_to_be_known() {

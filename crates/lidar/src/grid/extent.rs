@@ -1,8 +1,5 @@
 //! Which cells a grid has: from the cell size, the cloud's bounds, a box or another grid.
 
-use serde::{Deserialize, Serialize};
-use terrane_options::Choice;
-
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
 use terrane_base::limits;
@@ -11,20 +8,8 @@ use terrane_files::path_of;
 use terrane_gridding::{Edges, FAR, Lattice, Rules, Statistic};
 use terrane_raster::{self as raster, GridInfo};
 
-use super::GridJob;
-
-/// Whose conventions a grid follows, so that it can be compared cell by cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
-pub enum Compat {
-    /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size
-    #[default]
-    None,
-    /// those of PDAL's writers.gdal: a corner at the lowest x and y of all points; every statistic
-    /// is of the points within the radius of a cell's centre
-    Pdal,
-    /// those of lasR: cells [W, E) x (S, N], corners at multiples of the cell size
-    Lasr,
-}
+use super::job::GridJob;
+use super::placement::{Compat, Placement};
 
 /// Cells whose values are asked for.
 #[derive(Clone, Copy)]
@@ -35,55 +20,6 @@ pub(super) struct Piece<'a> {
     pub(super) rect: Rect,
     /// Longest edge of triangles that are surface, in world units.
     pub(super) max_edge: Option<f64>,
-}
-
-/// Where the cells of a grid lie.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Placement {
-    /// Sides of a cell (x, y), in world units; those of `like` when it is given, and of a model of the
-    /// terrain about the distance between points when neither is.
-    pub cell: Option<[f64; 2]>,
-    /// A corner of some cell; the origin of the coordinates when `None`.
-    pub align: Option<[f64; 2]>,
-    /// All cells that this box (x min, y min, x max, y max) overlaps; those of the cloud's bounds when
-    /// `None`.
-    pub extent: Option<[f64; 4]>,
-    /// The very cells of this grid.
-    pub like: Option<String>,
-    /// Whether the size was chosen by the density of points, which a note then tells.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub is_chosen: bool,
-}
-
-impl Placement {
-    /// Cells of this size over the whole cloud.
-    pub fn new(cell: [f64; 2]) -> Self {
-        Self { cell: Some(cell), ..Self::default() }
-    }
-
-    /// Fails when the wishes contradict each other.
-    pub(super) fn check(&self, compat: Compat, is_model: bool) -> Result<()> {
-        let refuse =
-            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave one of them out"));
-        let is_size = |cell: &[f64; 2]| cell.iter().all(|side| *side > 0.0 && side.is_finite());
-        match (&self.like, &self.cell) {
-            (Some(_), Some(_)) => return refuse("‹like› has cells of its own beside ‹cell›"),
-            (None, None) if !is_model => {
-                return Err(Error::usage("no cell size is given").remedy("add ‹cell› or ‹like›"));
-            }
-            (None, Some(cell)) if !is_size(cell) => {
-                return Err(Error::usage("a cell has sides above zero"));
-            }
-            _ => {}
-        }
-        if self.like.is_some() && (self.align.is_some() || self.extent.is_some()) {
-            return refuse("‹like› says where all cells lie, beside ‹align› or ‹extent›");
-        }
-        if compat == Compat::Pdal && (self.align.is_some() || self.like.is_some()) {
-            return refuse("PDAL's grids begin at the lowest point, beside ‹align› or ‹like›");
-        }
-        Ok(())
-    }
 }
 
 /// The cells of a job.
@@ -100,27 +36,6 @@ pub(super) struct Extent {
     pub(super) fill: u32,
     pub(super) crs: Crs,
     pub(super) notes: Vec<String>,
-}
-
-/// Chosen sides of cells are one of these, times a power of ten.
-const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
-
-/// The side of a cell where none is asked for: what one point has of the area of all, as the headers tell
-/// both, rounded up.
-pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
-    let unknown = || {
-        Error::usage("it cannot be told how far apart the points are")
-            .remedy("pass ‹cell›, the side of a cell")
-    };
-    let [low, high] = info.bounds.ok_or_else(unknown)?.map(|end| info.frame.world(end));
-    let area = (high[0] - low[0]) * (high[1] - low[1]);
-    let apart = (area / info.count as f64).sqrt();
-    if !apart.is_normal() {
-        return Err(unknown());
-    }
-    let power = 10_f64.powf(apart.log10().floor());
-    let side = ROUND.into_iter().map(|step| step * power).find(|side| *side >= apart);
-    side.ok_or_else(unknown)
 }
 
 /// Less of a cell than this is rounding, not overlap.
@@ -345,27 +260,5 @@ fn agreed(grid: &Crs, cloud: &Crs) -> Result<(Crs, Vec<String>)> {
         }
         _ => Err(Error::usage(format!("the grid is in {a}, the cloud in {b}"))
             .remedy("choose a grid in the cloud's CRS, or reproject one of them")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use terrane_base::geom::{Frame, Point};
-
-    #[test]
-    fn cells_are_as_wide_as_points_are_apart() {
-        let cell = |count: u64, [width, height]: [i32; 2]| {
-            let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
-            let bounds = [[0, 0, 0], [width, height, 7]].map(|[x, y, z]| Point { x, y, z });
-            let info = CloudInfo { frame, bounds: Some(bounds), count, crs: Default::default() };
-            usual_cell(&info).ok()
-        };
-        assert_eq!(cell(10_000, [10_000, 10_000]), Some(1.0));
-        assert_eq!(cell(9_999, [10_000, 10_000]), Some(2.0));
-        assert_eq!(cell(80_000, [10_000, 10_000]), Some(0.5));
-        assert_eq!(cell(400, [10_000, 10_000]), Some(5.0));
-        assert_eq!(cell(0, [10_000, 10_000]), None);
-        assert_eq!(cell(5, [0, 10_000]), None);
     }
 }

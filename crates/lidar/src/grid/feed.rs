@@ -110,7 +110,7 @@ impl<'a> Worker<'a> {
         let (names, frame) = (feed.recipe.attributes(), feed.source.info().frame);
         let lane = |(number, subject): (usize, &terrane_gridding::Subject)| {
             let selector = (!subject.is_plain()).then(|| Selector::new(subject, &names, &frame));
-            (selector, Lane::new(feed, number))
+            (selector, Lane::new((feed.recipe, number), feed.extent, feed.blocks))
         };
         let lanes: Vec<_> = feed.recipe.subjects().iter().enumerate().map(lane).collect();
         let is_apart = !lanes.is_empty() && lanes.iter().all(|(selector, _)| selector.is_some());

@@ -1,10 +1,10 @@
 //! The way of the points of one subject into the blocks of a grid.
 
+use super::blocks::Blocks;
 use super::extent::Extent;
-use super::feed::Feed;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, Rect};
-use terrane_gridding::{Hits, Region, Scatter, Target};
+use terrane_gridding::{Hits, Recipe, Region, Scatter, Target};
 
 /// Counts points that lie in no cell that is written.
 pub(super) struct Outside<'a> {
@@ -30,7 +30,8 @@ impl<'a> Outside<'a> {
 
 /// What one thread needs to hand the points of a subject to blocks.
 pub(super) struct Lane<'a> {
-    feed: &'a Feed<'a>,
+    extent: &'a Extent,
+    blocks: &'a Blocks<'a>,
     /// Points in no cell that is written.
     pub(super) outside: u64,
     /// The regions of the subject, and what is for discs.
@@ -60,13 +61,18 @@ const SHORT_RUN: usize = 16;
 
 impl<'a> Lane<'a> {
     /// For a subject of the recipe.
-    pub(super) fn new(feed: &'a Feed<'a>, subject: usize) -> Self {
-        let regions = feed.recipe.regions_of(subject).map(|(number, region)| match region {
+    pub(super) fn new(
+        (recipe, subject): (&Recipe, usize),
+        extent: &'a Extent,
+        blocks: &'a Blocks<'a>,
+    ) -> Self {
+        let regions = recipe.regions_of(subject).map(|(number, region)| match region {
             Region::Cell => (number, None),
-            Region::Disc(radius) => (number, Some(Scatter::new(&feed.extent.lattice, radius))),
+            Region::Disc(radius) => (number, Some(Scatter::new(&extent.lattice, radius))),
         });
         Self {
-            feed,
+            extent,
+            blocks,
             outside: 0,
             regions: regions.collect(),
             cols: Vec::new(),
@@ -79,7 +85,7 @@ impl<'a> Lane<'a> {
 
     /// Hands a batch of points to the blocks they touch; `reals` are those that they name, if any.
     pub(super) fn take(&mut self, points: &[Point], reals: &[f64]) -> Result<()> {
-        let lattice = &self.feed.extent.lattice;
+        let lattice = &self.extent.lattice;
         lattice.x.numbers(points.iter().map(|p| p.x), &mut self.cols);
         lattice.y.numbers(points.iter().map(|p| p.y), &mut self.rows);
         if let [(region, None)] = *self.regions.as_slice()
@@ -113,7 +119,7 @@ impl<'a> Lane<'a> {
 
     /// True when all points of the batch lie in the grid.
     fn is_inside(&self) -> bool {
-        let (width, height) = self.feed.extent.lattice.size();
+        let (width, height) = self.extent.lattice.size();
         let places = self.cols.iter().zip(&self.rows);
         // Numbers below zero are large ones here.
         places
@@ -123,7 +129,7 @@ impl<'a> Lane<'a> {
     /// Finds the cell of each point, all of which lie in the grid; returns whether points of a block
     /// follow each other.
     fn index_own(&mut self) -> bool {
-        let (shift, across) = (self.feed.blocks.shift(), self.feed.blocks.across());
+        let (shift, across) = (self.blocks.shift(), self.blocks.across());
         let mask = (1 << shift) - 1;
         let (cols, rows) = (&self.cols, &self.rows);
         let places = || cols.iter().zip(rows).map(|(col, row)| (*col as u32, *row as u32));
@@ -136,7 +142,7 @@ impl<'a> Lane<'a> {
 
     /// Hands the points of a batch over as they are, to the only region.
     fn hand_over_own(&mut self, region: usize, points: &[Point], reals: &[f64]) -> Result<()> {
-        let Feed { blocks, extent, .. } = *self.feed;
+        let Self { blocks, extent, .. } = *self;
         if extent.fill > 0 {
             let places = self.cols.iter().zip(&self.rows);
             let outside = places.filter(|(col, row)| !is_in(extent.output, **col, **row));
@@ -152,9 +158,9 @@ impl<'a> Lane<'a> {
 
     /// Each point goes to the block of its cell.
     fn place_own(&mut self, points: &[Point]) {
-        let (width, height) = self.feed.extent.lattice.size();
-        let output = self.feed.extent.output;
-        let (shift, across) = (self.feed.blocks.shift(), self.feed.blocks.across());
+        let (width, height) = self.extent.lattice.size();
+        let output = self.extent.output;
+        let (shift, across) = (self.blocks.shift(), self.blocks.across());
         for (point, (&col, &row)) in points.iter().zip(self.cols.iter().zip(&self.rows)) {
             self.outside += u64::from(!is_in(output, col, row));
             // Numbers below zero are large ones here.
@@ -167,9 +173,9 @@ impl<'a> Lane<'a> {
 
     /// Each point goes to all blocks with cells that it may reach.
     fn place_around(&mut self, points: &[Point], (reach_x, reach_y): (i64, i64)) {
-        let (width, height) = self.feed.extent.lattice.size();
-        let output = self.feed.extent.output;
-        let (shift, across) = (self.feed.blocks.shift(), self.feed.blocks.across());
+        let (width, height) = self.extent.lattice.size();
+        let output = self.extent.output;
+        let (shift, across) = (self.blocks.shift(), self.blocks.across());
         let blocks = |at: i32, reach: i64, side: u32| {
             let least = (i64::from(at) - reach).max(0);
             let end = (i64::from(at) + reach + 1).min(i64::from(side));
@@ -189,7 +195,7 @@ impl<'a> Lane<'a> {
 
     /// Hands points to one block.
     fn hand_over(&mut self, run: &Run<'_>, reals: &[f64]) -> Result<()> {
-        let Feed { blocks, extent, .. } = *self.feed;
+        let Self { blocks, extent, .. } = *self;
         let window = blocks.window(run.block);
         let stride = 1 << blocks.shift();
         let (regions, own) = (&mut self.regions, &mut self.own);

@@ -2,7 +2,8 @@
 
 use std::time::Instant;
 
-use super::{GridJob, GridReport, GridStage};
+use super::job::GridJob;
+use super::report::{GridReport, GridStage};
 use terrane_base::error::{Error, Result};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::options::GridInput;
@@ -14,10 +15,11 @@ use terrane_terrain::convert::{copy_levels, task};
 /// What it is made as: what has no water to add holds all that is known of a grid.
 const FORMAT: &str = "store";
 
-/// Runs a checked job with the water of the file `water`.
+/// Runs a checked job with the water of the file `water`; `make` runs one without.
 pub(super) fn run(
     job: &GridJob,
     water: &str,
+    make: impl FnOnce(&GridJob) -> Result<GridReport>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<GridReport> {
@@ -38,7 +40,7 @@ pub(super) fn run(
         water: None,
         ..job.clone()
     };
-    let made = super::run(&ground, progress, cancel)?;
+    let made = make(&ground)?;
     let begun = Instant::now();
     let source = raster::open_all(&[name_of(bare)?], &options)?;
     let (output_bytes, notes) = copy(&*source, job, &options, progress, cancel)?;

@@ -2,27 +2,71 @@
 
 use std::time::Instant;
 
-use super::GridJob;
 use super::blocks::Blocks;
 use super::budget::Budget;
 use super::extent::Extent;
 use super::feed::{Fed, Feed};
+use super::heights::Heights;
+use super::job::GridJob;
+use super::level;
 use super::near::Near;
-use super::neighbours::{self, Heights, Surfaces};
+use super::neighbours::{self, Surfaces};
 use super::preset::{self, Making, Model, Seen};
-use super::report::{BandReport, GridReport, GridStage};
-use super::source::{BandSource, Cells, Finished};
+use super::report::{GridReport, GridStage};
+use super::source::{Bands, Finished};
 use crate::points::{Limits, parts_in};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
-use terrane_cloud::{Columns, PointSource};
+use terrane_cloud::{self as cloud, Columns, PointSource};
 use terrane_engine::figures::Figures;
+use terrane_engine::memory::with_polygons;
 use terrane_engine::sift::Losses;
 use terrane_engine::{Cancel, Progress};
-use terrane_gridding::{Band, Recipe, Units};
-use terrane_raster::write::GridSink;
-use terrane_raster::{GridInfo, GridSource};
-use terrane_terrain::convert::{copy_levels, task};
+use terrane_gridding::{Recipe, Units};
+use terrane_raster::GridInfo;
+
+/// Runs the job. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// Whatever the inputs, the output and the memory allow not; more points in a cell than can be
+/// counted.
+pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridReport> {
+    job.check()?;
+    let job = &job.settled()?;
+    if let Some(water) = &job.water {
+        return level::run(job, water, |ground| run(ground, progress, cancel), progress, cancel);
+    }
+    let start = Instant::now();
+    let cloud = cloud::source(&job.input, &job.reading())?;
+    let opened = GridStage::since("open", start);
+    let make = |resources| {
+        let job = GridJob { resources, ..job.clone() };
+        Maker::of_whole(&*cloud, &job, progress, cancel)?.make()
+    };
+    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    report.run.memory_budget = job.resources.memory;
+    let stages = [vec![opened], report.stages].concat();
+    report.run.wall_seconds = start.elapsed().as_secs_f64();
+    let lost = report.losses.notes().collect();
+    let notes = [cloud.notes().to_vec(), lost, report.notes].concat();
+    let files = cloud.files().len();
+    Ok(GridReport { stages, notes, files, ..report })
+}
+
+/// As [`run`], of points from any source (`job.input` is only named in the report).
+pub fn grid(
+    points: &dyn PointSource,
+    job: &GridJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<GridReport> {
+    if job.preset.is_some() {
+        let message = "a preset reads its cloud several times, by class and return";
+        return Err(Error::usage(message).remedy("run the job with the cloud's name"));
+    }
+    job.check()?;
+    Maker::of_whole(points, job, progress, cancel)?.make()
+}
 
 /// A grid to be made of a cloud, whole or in part.
 pub(super) struct Maker<'a> {
@@ -152,42 +196,6 @@ impl<'a> Maker<'a> {
     fn units(&self) -> Units {
         let Frame { scale, offset } = self.points.info().frame;
         Units { scale: scale[2], offset: offset[2], area: self.extent.lattice.area() }
-    }
-}
-
-/// Bands whose values are known.
-pub(super) struct Bands<'a> {
-    pub(super) cells: &'a dyn Cells,
-    pub(super) bands: &'a [Band],
-    /// The grid as it is written.
-    pub(super) info: &'a GridInfo,
-}
-
-impl Bands<'_> {
-    /// Hands the values of all bands to the sink; returns how many cells of each have one.
-    pub(super) fn write(
-        &self,
-        sink: &mut dyn GridSink,
-        threads: usize,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<Vec<u64>> {
-        let bands = (0..self.bands.len()).map(|number| BandSource::new(self, number));
-        let bands: Vec<_> = bands.collect();
-        let sources: Vec<_> = bands.iter().map(|band| band as &dyn GridSource).collect();
-        let window = self.info.bounds();
-        progress.begin("write", window.len() as u64);
-        let pieces = task::Pieces::new(window, &bands[0], sink, 0);
-        let task = task::Task { sources: &sources, window, sink, pieces };
-        task.run(threads, progress, cancel)?;
-        progress.end();
-        copy_levels(sink, threads, progress, cancel)?;
-        Ok(bands.iter().map(BandSource::valid).collect())
-    }
-
-    pub(super) fn reports(&self, valid: &[u64]) -> Vec<BandReport> {
-        let report = |(band, &valid): (&Band, &u64)| BandReport { name: band.label.clone(), valid };
-        self.bands.iter().zip(valid).map(report).collect()
     }
 }
 

@@ -3,13 +3,11 @@
 use std::path::Path;
 
 use super::extent::{Extent, Piece};
-use super::preset::{Model, more_is_needed};
 use crate::points::{Around, PointStore, Positions, Surface, Tiling};
-use terrane_base::error::Result;
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Frame, Point, Rect};
 use terrane_cloud::CloudInfo;
 use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
-use terrane_engine::sift::Losses;
 use terrane_gridding::{Shape, Statistic};
 
 /// Bytes that a thread holds for the points around the cells it is at.
@@ -20,59 +18,6 @@ pub(crate) struct Surfaces {
     store: PointStore,
     hull: Hull,
     frame: Frame,
-}
-
-/// What bands are made of that are not statistics of the points of a cell.
-pub(super) enum Heights {
-    Surfaces(Box<Surfaces>),
-    Model(Box<Model>),
-}
-
-impl Heights {
-    /// The values of a band at the centres of cells, NaN where there is none.
-    pub(super) fn values(
-        &self,
-        statistic: Statistic,
-        piece: Piece<'_>,
-        out: &mut [f64],
-    ) -> Result<()> {
-        match self {
-            Self::Surfaces(surfaces) => surfaces.values(statistic, piece, out),
-            Self::Model(model) => model.values(piece, out),
-        }
-    }
-
-    /// True when points were needed that were not read.
-    pub(super) fn is_exceeded(&self) -> bool {
-        match self {
-            Self::Surfaces(surfaces) => surfaces.store.is_exceeded(),
-            Self::Model(model) => model.is_exceeded(),
-        }
-    }
-
-    /// Which points they are made of, where not of all.
-    pub(super) fn notes(&self) -> &[String] {
-        match self {
-            Self::Surfaces(_) => &[],
-            Self::Model(model) => &model.notes,
-        }
-    }
-
-    /// Files whose damage was passed over, where they are read for these alone.
-    pub(super) fn losses(&self) -> Option<&Losses> {
-        match self {
-            Self::Surfaces(_) => None,
-            Self::Model(model) => Some(&model.losses),
-        }
-    }
-
-    /// Bytes that went to temporary files.
-    pub(super) fn spilled_bytes(&self) -> u64 {
-        match self {
-            Self::Surfaces(surfaces) => surfaces.spilled_bytes(),
-            Self::Model(model) => model.spilled_bytes(),
-        }
-    }
 }
 
 /// A store for the points of a cloud, of which about `memory` bytes may be in memory.
@@ -146,6 +91,11 @@ impl Surfaces {
             left.next().into_iter().for_each(|point| each(point, height));
         })
     }
+}
+
+/// The error of a part of a cloud that was too little.
+pub(crate) fn more_is_needed() -> Error {
+    Error::new(ErrorKind::Resource, "more of the cloud has to be read")
 }
 
 /// The centres of cells, in steps.

@@ -4,10 +4,12 @@ use std::path::Path;
 
 use terrane_options::{Options, Range, Rule, settled};
 
-use super::codecs::StatisticList;
-use super::{
-    AsText, Canopy, Compat, GridJob, GridReport, GroundFrom, NODATA, Placement, Preset, run,
-};
+use super::codecs::{AsText, StatisticList};
+use super::job::{GridJob, NODATA};
+use super::make::run;
+use super::placement::{Compat, Placement};
+use super::preset::kinds::{GroundFrom, Preset};
+use super::report::GridReport;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, Request, Writes};
@@ -15,7 +17,7 @@ use terrane_engine::options::{
     Bounds, CellSize, CloudInput, FileName, FileOutput, FiniteOrNan, GridOutput, Place,
     SampleTypeName,
 };
-use terrane_gridding::parse_list;
+use terrane_gridding::{Canopy, parse_list};
 use terrane_raster::{Inputs, SampleType};
 
 /// Make a grid of a cloud of points: statistics of the points in each cell

@@ -5,12 +5,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::blocks::Blocks;
 use super::extent::{Extent, Piece};
-use super::make::Bands;
-use super::neighbours::Heights;
+use super::heights::Heights;
+use super::report::BandReport;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
+use terrane_engine::{Cancel, Progress};
 use terrane_gridding::{Band, Units, fill};
+use terrane_raster::write::GridSink;
 use terrane_raster::{GridInfo, GridSource};
+use terrane_terrain::convert::{copy_levels, task};
 
 /// Cells whose values are known.
 pub(super) trait Cells: Sync {
@@ -19,6 +22,42 @@ pub(super) trait Cells: Sync {
 
     /// No band of `rect` will be asked for again.
     fn release(&self, _rect: Rect) {}
+}
+
+/// Bands whose values are known.
+pub(super) struct Bands<'a> {
+    pub(super) cells: &'a dyn Cells,
+    pub(super) bands: &'a [Band],
+    /// The grid as it is written.
+    pub(super) info: &'a GridInfo,
+}
+
+impl Bands<'_> {
+    /// Hands the values of all bands to the sink; returns how many cells of each have one.
+    pub(super) fn write(
+        &self,
+        sink: &mut dyn GridSink,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Vec<u64>> {
+        let bands = (0..self.bands.len()).map(|number| BandSource::new(self, number));
+        let bands: Vec<_> = bands.collect();
+        let sources: Vec<_> = bands.iter().map(|band| band as &dyn GridSource).collect();
+        let window = self.info.bounds();
+        progress.begin("write", window.len() as u64);
+        let pieces = task::Pieces::new(window, &bands[0], sink, 0);
+        let task = task::Task { sources: &sources, window, sink, pieces };
+        task.run(threads, progress, cancel)?;
+        progress.end();
+        copy_levels(sink, threads, progress, cancel)?;
+        Ok(bands.iter().map(BandSource::valid).collect())
+    }
+
+    pub(super) fn reports(&self, valid: &[u64]) -> Vec<BandReport> {
+        let report = |(band, &valid): (&Band, &u64)| BandReport { name: band.label.clone(), valid };
+        self.bands.iter().zip(valid).map(report).collect()
+    }
 }
 
 /// A grid whose points are all in.

@@ -23,6 +23,7 @@ use terrane_engine::outputs::refuse_file_name;
 
 terrane_engine::by_text!(AsFormula, Kind::Shaped("str"), Assign);
 terrane_engine::by_text!(AsNumber, Kind::Shaped("float | str"), Overlap Thin);
+terrane_engine::by_text!(AsText, Kind::Text, Classify);
 
 /// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
 ///
@@ -196,5 +197,19 @@ impl Operation for PointsOptions {
         let written = run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel)?;
         let run = Figures::since(start, &self.resources);
         Ok(TranslateReport { run, ..TranslateReport::from(written) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_options::{Codec, Json};
+
+    #[test]
+    fn cells_of_flight_lines_are_written_as_they_are_read() {
+        for text in ["auto", "2.5"] {
+            let overlap: Overlap = AsNumber::parse(text).unwrap();
+            assert_eq!(AsNumber::json(&overlap), Json::from(text));
+        }
     }
 }

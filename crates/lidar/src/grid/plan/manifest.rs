@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::tile::Opened;
-use crate::grid::GridJob;
 use crate::grid::extent::Extent;
+use crate::grid::job::GridJob;
 use crate::grid::preset::Seen;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;

@@ -14,9 +14,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::extent::Extent;
+use super::job::GridJob;
+use super::options::GridOptions;
 use super::preset::{Making, Preset, Seen};
 use super::report::GridReport;
-use super::{GridJob, GridOptions};
 use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, Census, PointSource};

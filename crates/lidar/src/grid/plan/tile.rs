@@ -5,12 +5,13 @@ use std::time::Instant;
 
 use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
-use crate::grid::make::{Bands, Maker, report};
+use crate::grid::job::GridJob;
+use crate::grid::make::{Maker, report};
 use crate::grid::near::{Near, near_steps};
 use crate::grid::neighbours;
 use crate::grid::preset::Seen;
-use crate::grid::report::GridReport;
-use crate::grid::{GridJob, GridStage};
+use crate::grid::report::{GridReport, GridStage};
+use crate::grid::source::{Bands, Cells};
 use crate::points::reach;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -174,7 +175,7 @@ pub(super) struct Tiles {
     pub(super) bands: Vec<Box<dyn GridSource>>,
 }
 
-impl crate::grid::source::Cells for Tiles {
+impl Cells for Tiles {
     fn values(
         &self,
         number: usize,

@@ -8,215 +8,44 @@
 //! their discs reach. A surface that is spike-free instead is made of all returns, and defined on squares.
 
 pub(crate) mod filter;
+pub(super) mod kinds;
+mod look;
+mod making;
 pub(crate) mod metres;
+mod notes;
 mod pit_free;
 mod seen;
 mod spike_free;
 mod squares;
 mod top;
 
-use std::fmt;
-use std::path::Path;
-use std::str::FromStr;
-
-use serde::{Deserialize, Serialize};
-
-use super::GridJob;
-use super::extent::{Extent, Piece};
+use super::extent::Piece;
+use super::job::{GridJob, needs_ground};
 use super::near::Near;
-use super::neighbours::Surfaces;
-use crate::points::{Filling, Limits, PointStore, Tiling};
+use super::neighbours::{Surfaces, more_is_needed, tiling};
+use crate::points::{Filling, PointStore};
 pub(crate) use filter::{Filter, around, square_bytes};
+pub(crate) use kinds::{GROUND, NOISE};
+pub use kinds::{GroundFrom, Preset};
+pub(super) use making::Making;
+use making::{STORES, no_noise, too_little};
 pub(crate) use metres::Metres;
+pub(crate) use notes::{found_by, no_ground, no_ground_of_class};
+use notes::{found_in_classes, frozen, named, not_of_class};
 use pit_free::Layers;
 pub(crate) use seen::Seen;
 use spike_free::BySquare;
 use squares::{Squares, Tally};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_cloud::{
-    self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, PointSource, Return,
-};
-use terrane_delaunay::Window;
-use terrane_engine::memory::short;
+use terrane_cloud::{Census, CloudInfo, Return};
 use terrane_engine::sift::Losses;
-use terrane_engine::{Cancel, Progress};
+use terrane_gridding::Statistic;
 use terrane_gridding::canopy::Way;
-use terrane_gridding::{Asked, Statistic, Subject};
-use terrane_ground as ground;
 use top::Top;
 
-/// A model of the terrain that is made of the points it takes, instead of a statistic.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Preset {
-    /// The ground: its points, linear in their Delaunay triangulation.
-    Dtm,
-    /// What is seen from above, linear in triangulations, without the pits of crowns ([`GridJob::canopy`]).
-    Dsm,
-    /// The height of the second above the first, nowhere below 0.
-    Chm,
-}
-
-impl Preset {
-    /// The band that holds it.
-    pub fn band(self) -> Asked {
-        let label = match self {
-            Self::Dtm => "dtm",
-            Self::Dsm => "dsm",
-            Self::Chm => "chm",
-        };
-        let statistic = Statistic::linear(None);
-        Asked { statistic, label: label.to_owned(), subject: Subject::default() }
-    }
-}
-
-/// Which points are ground.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(into = "String", try_from = "String")]
-pub enum GroundFrom {
-    /// Those of the classes, or found by the best method where there is none of them.
-    #[default]
-    Auto,
-    /// Those of the classes.
-    Class,
-    /// Those that a method finds among last returns that are no noise.
-    Method(ground::Asked),
-}
-
-impl GroundFrom {
-    /// By the morphological filter.
-    pub const FILTER: Self = Self::Method(ground::Asked::FILTER);
-
-    /// True when a method is named, so that classes are not asked for.
-    pub(crate) fn is_method(self) -> bool {
-        matches!(self, Self::Method(_))
-    }
-
-    /// The method that finds it where classes do not tell.
-    pub(crate) fn method(self) -> ground::Asked {
-        match self {
-            Self::Method(asked) => asked,
-            Self::Auto | Self::Class => ground::Asked::BEST,
-        }
-    }
-}
-
-impl FromStr for GroundFrom {
-    type Err = Error;
-
-    /// "auto", "class", or a method with its parameters.
-    fn from_str(text: &str) -> Result<Self> {
-        match text.to_ascii_lowercase().as_str() {
-            "auto" => Ok(Self::Auto),
-            "class" => Ok(Self::Class),
-            _ => ground::Asked::parse(text).map(Self::Method),
-        }
-    }
-}
-
-impl fmt::Display for GroundFrom {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Auto => f.write_str("auto"),
-            Self::Class => f.write_str("class"),
-            Self::Method(asked) => asked.fmt(f),
-        }
-    }
-}
-
-impl From<GroundFrom> for String {
-    fn from(from: GroundFrom) -> Self {
-        from.to_string()
-    }
-}
-
-impl TryFrom<String> for GroundFrom {
-    type Error = Error;
-
-    fn try_from(text: String) -> Result<Self> {
-        text.parse()
-    }
-}
-
-/// A line that tells what a method found, and among how many of which points.
-pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64, points: &str) -> String {
-    let by = match method.name() {
-        "filter" => "the ground filter".to_owned(),
-        name => format!("the method {name}"),
-    };
-    format!("ground: {found} of {all} {points}, found by {by}")
-}
-
-/// The class of ground points, unless others are named.
-pub(crate) const GROUND: u8 = 2;
-/// Classes of noise, below the ground and in the air.
-pub(crate) const NOISE: [u8; 2] = [7, 18];
-/// Stores that are in memory at once.
-const STORES: u64 = 3;
 /// Part of the memory that each thread's tile of the ground filter may take.
 const TILE_SHARE: u64 = 8;
-
-/// Fails when a preset cannot be made as asked for, whatever the points.
-pub(super) fn check(preset: Preset, job: &GridJob) -> Result<()> {
-    let wanted = &job.cloud.filter;
-    if job.stats != [preset.band()] {
-        let message = "a preset is one band, beside which there is no statistic";
-        return Err(Error::usage(message).remedy("leave out ‹stat› or the preset"));
-    }
-    if wanted.returns.is_some() {
-        let message = "‹return› cannot act: a preset takes the returns that it is made of";
-        return Err(Error::usage(message).remedy("leave ‹return› out"));
-    }
-    if wanted.classes.is_some() && job.ground.is_method() {
-        let message = "‹class› cannot act: it names the classes of ground, which a method of \
-            ‹ground› does not ask for";
-        return Err(Error::usage(message).remedy("leave ‹class› out, or pass ‹ground› class"));
-    }
-    check_canopy(preset, job)
-}
-
-/// Fails where what is said of the surface, or of a ground that it does not stand on, cannot act.
-fn check_canopy(preset: Preset, job: &GridJob) -> Result<()> {
-    if preset == Preset::Dtm && !job.canopy.is_usual() {
-        return Err(Error::usage("‹canopy› cannot act: it is for ‹dsm› and ‹chm›")
-            .remedy("leave ‹canopy› out"));
-    }
-    let idle = [
-        ("‹ground›", job.ground != GroundFrom::Auto),
-        ("‹class›", job.cloud.filter.classes.is_some()),
-    ];
-    match idle.into_iter().find(|(_, given)| *given && !needs_ground(preset, job)) {
-        Some((option, _)) => {
-            let name = job.canopy.name();
-            let message = format!("{option} cannot act: a {name} ‹dsm› knows of no ground");
-            Err(Error::usage(message).remedy(format!("leave {option} out")))
-        }
-        None => Ok(()),
-    }
-}
-
-/// Whether the ground has to be known.
-pub(super) fn needs_ground(preset: Preset, job: &GridJob) -> bool {
-    preset != Preset::Dsm || job.canopy.way() == Way::PitFree
-}
-
-/// What a preset is made with.
-pub(super) struct Making<'a> {
-    pub(super) job: &'a GridJob,
-    /// The cells.
-    pub(super) extent: &'a Extent,
-    /// How the cloud is read, but for classes and returns.
-    pub(super) reading: OpenOptions,
-    pub(super) threads: usize,
-    /// Bytes for points, in all stores together.
-    pub(super) memory: u64,
-    /// The cloud: of its parts only the bounds are asked.
-    pub(super) points: &'a dyn PointSource,
-    /// Which part of the cloud is read, if not all of it, and what was seen of all.
-    pub(super) part: Option<(Near, &'a Seen)>,
-    pub(super) progress: &'a dyn Progress,
-    pub(super) cancel: &'a Cancel,
-}
 
 /// A preset whose points are all in.
 pub(super) struct Model {
@@ -355,7 +184,7 @@ impl Model {
         let source = making.source(no_noise(), None)?;
         let window = making.surface_window();
         let filling = Filling { within: window, ..making.filling() };
-        let store = making.store(&super::neighbours::tiling(source.info()));
+        let store = making.store(&tiling(source.info()));
         let take = |batch: &[Point]| {
             tally.take(batch);
             Ok(())
@@ -423,41 +252,6 @@ impl Model {
     }
 }
 
-/// The error of a cloud without points of the classes of ground.
-pub(crate) fn no_ground_of_class(named: &str) -> Error {
-    Error::bad_input(format!("the cloud has no points of class {named}"))
-}
-
-fn not_of_class(named: &str) -> Error {
-    no_ground_of_class(named)
-        .remedy("pass ‹ground› auto, or name the classes of ground with ‹class›")
-}
-
-/// The error of a cloud without ground.
-pub(crate) fn no_ground() -> Error {
-    Error::bad_input("no ground is found in the cloud")
-        .remedy("check what ‹bounds›, ‹clip› and ‹z_range› leave of it")
-}
-
-/// The error of a part of a cloud that was too little.
-pub(crate) fn more_is_needed() -> Error {
-    Error::new(ErrorKind::Resource, "more of the cloud has to be read")
-}
-
-fn found_in_classes(count: u64, classes: &[u8]) -> String {
-    format!("ground: {count} points of class {}", named(classes))
-}
-
-fn named(classes: &[u8]) -> String {
-    classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
-}
-
-/// A line that tells which returns a spike-free surface is made of, and what freezes.
-fn frozen(count: u64, squares: &Squares) -> String {
-    let edge = squares.freeze.edge;
-    format!("surface: {count} returns, spike-free with triangles of up to {edge:.2} m")
-}
-
 /// Bytes of memory in all that a job needs to find the ground as it is asked to, or for a square of the surface,
 /// before anything else; 0 where that is not known before the points are.
 pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
@@ -481,117 +275,4 @@ fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u6
 /// Of a square: half of the memory is for points, in three stores.
 fn least_for(square: u64) -> u64 {
     2 * STORES * square
-}
-
-fn too_little(what: &str, least: u64, memory: u64, other: &str) -> Error {
-    let [mib, memory] = [least.div_ceil(1 << 20), memory >> 20];
-    let message = format!("{what} takes {mib} MiB of memory, and {memory} are allowed");
-    short(message, least).or(other)
-}
-
-/// All classes but those of noise.
-fn no_noise() -> Vec<u8> {
-    (0..=u8::MAX).filter(|class| !NOISE.contains(class)).collect()
-}
-
-impl Making<'_> {
-    /// The classes of ground.
-    fn classes(&self) -> Vec<u8> {
-        self.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND])
-    }
-
-    /// What is read of first returns; `None` for all.
-    fn surface_window(&self) -> Option<Window> {
-        self.part.map(|(near, _)| near.window())
-    }
-
-    /// Where the ground is to be known: for layers, under all first returns that are read.
-    fn ground_window(&self) -> Option<Window> {
-        let is_layered = self.job.canopy.way() == Way::PitFree;
-        let is_all = self.job.preset == Some(Preset::Dtm) || !is_layered;
-        self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
-    }
-
-    /// The points of these classes and returns in a window, or all.
-    fn read(
-        &self,
-        classes: Vec<u8>,
-        returns: Option<Return>,
-        within: Option<Window>,
-    ) -> Result<PointStore> {
-        let source = self.source(classes, returns)?;
-        let filling = Filling { within, ..self.filling() };
-        PointStore::fill(&*source, super::neighbours::tiling(source.info()), &filling)
-    }
-
-    /// What is known of squares of all these points, and what surrounds them; they are handed to `also`, too.
-    fn outlined(
-        &self,
-        classes: Vec<u8>,
-        returns: Option<Return>,
-        also: &(dyn Fn(&[Point]) + Sync),
-    ) -> Result<PointStore> {
-        let source = self.source(classes, returns)?;
-        let store = self.store(&super::neighbours::tiling(source.info())).outline();
-        store.filled_and(&*source, &self.filling(), &|batch| {
-            also(batch);
-            Ok(())
-        })
-    }
-
-    /// How far pulses are apart in all of the cloud, about, in metres.
-    fn pulses(&self, metres: &Metres) -> Result<f64> {
-        match self.part {
-            Some((_, seen)) => Ok(seen.first),
-            None => {
-                let first = self.outlined(no_noise(), Some(Return::First), &|_| ())?;
-                Ok(filter::spacing(&[&first], metres))
-            }
-        }
-    }
-
-    fn source(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<Box<dyn PointSource>> {
-        let filter = Wanted { classes: Some(classes), returns, ..self.reading.filter.clone() };
-        cloud::source(&self.job.input, &OpenOptions { filter, ..self.reading.clone() })
-    }
-
-    fn filling(&self) -> Filling<'_> {
-        Filling {
-            threads: self.threads,
-            memory: self.store_memory(),
-            folder: self.folder(),
-            within: None,
-            progress: self.progress,
-            cancel: self.cancel,
-        }
-    }
-
-    /// A store that has what lies in a window, with what surrounds all such points, where that is known.
-    fn limited(
-        &self,
-        store: PointStore,
-        window: Option<Window>,
-        around: &[Point],
-    ) -> Result<PointStore> {
-        let Some(window) = window else { return Ok(store) };
-        store.add(around)?;
-        let limits = match around {
-            [] => Limits::new(self.points, window),
-            _ => Limits::with_hull(self.points, window),
-        };
-        Ok(store.limited(Some(limits)))
-    }
-
-    /// A store without points.
-    fn store(&self, tiling: &Tiling) -> PointStore {
-        PointStore::empty(*tiling, self.folder(), self.store_memory())
-    }
-
-    fn store_memory(&self) -> u64 {
-        self.memory / STORES
-    }
-
-    fn folder(&self) -> &Path {
-        self.job.spill_folder()
-    }
 }

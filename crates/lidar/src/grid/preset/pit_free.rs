@@ -5,8 +5,8 @@ use std::convert::Infallible;
 
 use super::super::extent::Piece;
 use super::super::neighbours::{Centres, Surfaces};
-use super::Making;
 use super::filter::spacing;
+use super::making::Making;
 use super::metres::Metres;
 use super::top::Top;
 use crate::points::{Around, MOST_POINTS, Part, PointStore, Positions, reach};

@@ -10,9 +10,9 @@ use std::ops::Range;
 
 use super::super::extent::Piece;
 use super::super::neighbours::{Centres, Surfaces};
+use super::making::{Making, STORES, too_little};
 use super::squares::{Squares, Tally};
 use super::top::Top;
-use super::{Making, STORES, too_little};
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::{Frame, Point, Rect};

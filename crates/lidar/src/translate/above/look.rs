@@ -9,10 +9,8 @@ use bytemuck::{Pod, Zeroable};
 
 use super::told::{Told, Values, Z};
 use super::{Above, Classify, HeightsAs, NO_HEIGHT, is_known_noise, is_there};
-use crate::grid::preset::{
-    Filter, Metres, NOISE, Seen, found_by, more_is_needed, no_ground, no_ground_of_class,
-};
-use crate::grid::{GROUND, GroundFrom, Surfaces, tiling};
+use crate::grid::preset::{Filter, Metres, NOISE, Seen, found_by, no_ground, no_ground_of_class};
+use crate::grid::{GROUND, GroundFrom, Surfaces, more_is_needed, tiling};
 use crate::points::PointStore;
 use crate::records::choice::place;
 use crate::records::{Flow, Records, numbered};

@@ -1,0 +1,61 @@
+//! What bands are made of that are not statistics of the points of a cell.
+
+use super::extent::Piece;
+use super::neighbours::Surfaces;
+use super::preset::Model;
+use terrane_base::error::Result;
+use terrane_engine::sift::Losses;
+use terrane_gridding::Statistic;
+
+/// Surfaces through the points, or a model of the terrain.
+pub(super) enum Heights {
+    Surfaces(Box<Surfaces>),
+    Model(Box<Model>),
+}
+
+impl Heights {
+    /// The values of a band at the centres of cells, NaN where there is none.
+    pub(super) fn values(
+        &self,
+        statistic: Statistic,
+        piece: Piece<'_>,
+        out: &mut [f64],
+    ) -> Result<()> {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.values(statistic, piece, out),
+            Self::Model(model) => model.values(piece, out),
+        }
+    }
+
+    /// True when points were needed that were not read.
+    pub(super) fn is_exceeded(&self) -> bool {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.store().is_exceeded(),
+            Self::Model(model) => model.is_exceeded(),
+        }
+    }
+
+    /// Which points they are made of, where not of all.
+    pub(super) fn notes(&self) -> &[String] {
+        match self {
+            Self::Surfaces(_) => &[],
+            Self::Model(model) => &model.notes,
+        }
+    }
+
+    /// Files whose damage was passed over, where they are read for these alone.
+    pub(super) fn losses(&self) -> Option<&Losses> {
+        match self {
+            Self::Surfaces(_) => None,
+            Self::Model(model) => Some(&model.losses),
+        }
+    }
+
+    /// Bytes that went to temporary files.
+    pub(super) fn spilled_bytes(&self) -> u64 {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.spilled_bytes(),
+            Self::Model(model) => model.spilled_bytes(),
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! A look at the whole cloud, for models of its parts.
+
+use super::filter::spacing;
+use super::kinds::{GroundFrom, Preset};
+use super::making::{Making, no_noise};
+use super::metres::Metres;
+use super::notes::{frozen, named, no_ground, not_of_class};
+use super::seen::{Seen, places};
+use super::squares::{Squares, Tally};
+use crate::grid::job::needs_ground;
+use terrane_base::error::Result;
+use terrane_base::geom::REACH;
+use terrane_cloud::{CloudInfo, Return};
+use terrane_gridding::canopy::Way;
+use terrane_gridding::pitfree::PitFree;
+
+impl Seen {
+    /// Looks at all points that a model is made of, once.
+    ///
+    /// # Errors
+    /// No ground where there has to be some; units that are no lengths.
+    pub(in crate::grid) fn look(
+        preset: Preset,
+        cloud: &CloudInfo,
+        making: &Making<'_>,
+    ) -> Result<Self> {
+        let mut seen = Self::default();
+        if needs_ground(preset, making.job) {
+            seen.look_for_ground(preset, cloud, making)?;
+        }
+        if preset != Preset::Dtm {
+            seen.look_at_surface(cloud, making)?;
+        }
+        Ok(seen)
+    }
+
+    fn look_for_ground(
+        &mut self,
+        preset: Preset,
+        cloud: &CloudInfo,
+        making: &Making<'_>,
+    ) -> Result<()> {
+        self.look_for_classes(making)?;
+        if self.by_class {
+            return Ok(());
+        }
+        let mut last = making.outlined(no_noise(), Some(Return::Last), &|_| ())?;
+        self.all_returns = making.all_returns(&last)?;
+        if self.all_returns {
+            last = making.outlined(no_noise(), None, &|_| ())?;
+        }
+        if last.count() == 0 && preset != Preset::Dsm {
+            return Err(no_ground());
+        }
+        self.look_at_candidates(&[&last], cloud, making.job.ground)
+    }
+
+    fn look_at_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+        let metres = Metres::of(&cloud.crs, &cloud.frame)?;
+        let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
+        self.first = spacing(&[&first], &metres);
+        let Way::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
+            self.reach = reach(self.first, &metres);
+            self.surface = places(&first.hull()?);
+            self.notes.push(format!("surface: {} first returns", first.count()));
+            return Ok(());
+        };
+        let tally = Tally::new(Squares::new(self.first, (freeze, buffer), &metres));
+        let all = making.outlined(no_noise(), None, &|batch| tally.take(batch))?;
+        self.reach = tally.squares.reach();
+        self.surface = places(&all.hull()?);
+        self.notes.push(frozen(all.count(), &tally.squares));
+        self.square = tally.counts().into_values().max().unwrap_or(0);
+        Ok(())
+    }
+
+    fn look_for_classes(&mut self, making: &Making<'_>) -> Result<()> {
+        if making.job.ground.is_method() {
+            return Ok(());
+        }
+        let classes = making.classes();
+        let ground = making.outlined(classes.clone(), None, &|_| ())?;
+        if ground.count() == 0 && making.job.ground == GroundFrom::Class {
+            return Err(not_of_class(&named(&classes)));
+        }
+        self.look_at_classes(&ground, &classes)
+    }
+}
+
+/// Steps along the longest edge that counts above the first triangulation, points being so far apart.
+fn reach(spacing: f64, metres: &Metres) -> i32 {
+    let [x, y, _] = metres.step;
+    (PitFree::metres(spacing).max_edge() / x.min(y)).ceil().min(f64::from(REACH)) as i32
+}

@@ -1,0 +1,176 @@
+//! What a model of the terrain is made with: the job, the memory for points, and how these are read.
+
+use std::path::Path;
+
+use super::filter::spacing;
+use super::kinds::{GROUND, NOISE, Preset};
+use super::metres::Metres;
+use super::seen::Seen;
+use crate::grid::extent::Extent;
+use crate::grid::job::GridJob;
+use crate::grid::near::Near;
+use crate::grid::neighbours::tiling;
+use crate::points::{Filling, Limits, PointStore, Tiling};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+use terrane_cloud::{self as cloud, Filter as Wanted, OpenOptions, PointSource, Return};
+use terrane_delaunay::Window;
+use terrane_engine::memory::short;
+use terrane_engine::{Cancel, Progress};
+use terrane_gridding::canopy::Way;
+
+/// Stores that are in memory at once.
+pub(super) const STORES: u64 = 3;
+/// What a preset is made with.
+pub(in crate::grid) struct Making<'a> {
+    pub(in crate::grid) job: &'a GridJob,
+    /// The cells.
+    pub(in crate::grid) extent: &'a Extent,
+    /// How the cloud is read, but for classes and returns.
+    pub(in crate::grid) reading: OpenOptions,
+    pub(in crate::grid) threads: usize,
+    /// Bytes for points, in all stores together.
+    pub(in crate::grid) memory: u64,
+    /// The cloud: of its parts only the bounds are asked.
+    pub(in crate::grid) points: &'a dyn PointSource,
+    /// Which part of the cloud is read, if not all of it, and what was seen of all.
+    pub(in crate::grid) part: Option<(Near, &'a Seen)>,
+    pub(in crate::grid) progress: &'a dyn Progress,
+    pub(in crate::grid) cancel: &'a Cancel,
+}
+
+pub(super) fn too_little(what: &str, least: u64, memory: u64, other: &str) -> Error {
+    let [mib, memory] = [least.div_ceil(1 << 20), memory >> 20];
+    let message = format!("{what} takes {mib} MiB of memory, and {memory} are allowed");
+    short(message, least).or(other)
+}
+
+/// All classes but those of noise.
+pub(super) fn no_noise() -> Vec<u8> {
+    (0..=u8::MAX).filter(|class| !NOISE.contains(class)).collect()
+}
+
+impl Making<'_> {
+    /// The classes of ground.
+    pub(super) fn classes(&self) -> Vec<u8> {
+        self.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND])
+    }
+
+    /// What is read of first returns; `None` for all.
+    pub(super) fn surface_window(&self) -> Option<Window> {
+        self.part.map(|(near, _)| near.window())
+    }
+
+    /// Where the ground is to be known: for layers, under all first returns that are read.
+    pub(super) fn ground_window(&self) -> Option<Window> {
+        let is_layered = self.job.canopy.way() == Way::PitFree;
+        let is_all = self.job.preset == Some(Preset::Dtm) || !is_layered;
+        self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
+    }
+
+    /// The points of these classes and returns in a window, or all.
+    pub(super) fn read(
+        &self,
+        classes: Vec<u8>,
+        returns: Option<Return>,
+        within: Option<Window>,
+    ) -> Result<PointStore> {
+        let source = self.source(classes, returns)?;
+        let filling = Filling { within, ..self.filling() };
+        PointStore::fill(&*source, tiling(source.info()), &filling)
+    }
+
+    /// What is known of squares of all these points, and what surrounds them; they are handed to `also`, too.
+    pub(super) fn outlined(
+        &self,
+        classes: Vec<u8>,
+        returns: Option<Return>,
+        also: &(dyn Fn(&[Point]) + Sync),
+    ) -> Result<PointStore> {
+        let source = self.source(classes, returns)?;
+        let store = self.store(&tiling(source.info())).outline();
+        store.filled_and(&*source, &self.filling(), &|batch| {
+            also(batch);
+            Ok(())
+        })
+    }
+
+    /// How far pulses are apart in all of the cloud, about, in metres.
+    pub(super) fn pulses(&self, metres: &Metres) -> Result<f64> {
+        match self.part {
+            Some((_, seen)) => Ok(seen.first),
+            None => {
+                let first = self.outlined(no_noise(), Some(Return::First), &|_| ())?;
+                Ok(spacing(&[&first], metres))
+            }
+        }
+    }
+
+    pub(super) fn source(
+        &self,
+        classes: Vec<u8>,
+        returns: Option<Return>,
+    ) -> Result<Box<dyn PointSource>> {
+        let filter = Wanted { classes: Some(classes), returns, ..self.reading.filter.clone() };
+        cloud::source(&self.job.input, &OpenOptions { filter, ..self.reading.clone() })
+    }
+
+    pub(super) fn filling(&self) -> Filling<'_> {
+        Filling {
+            threads: self.threads,
+            memory: self.store_memory(),
+            folder: self.folder(),
+            within: None,
+            progress: self.progress,
+            cancel: self.cancel,
+        }
+    }
+
+    /// A store that has what lies in a window, with what surrounds all such points, where that is known.
+    pub(super) fn limited(
+        &self,
+        store: PointStore,
+        window: Option<Window>,
+        around: &[Point],
+    ) -> Result<PointStore> {
+        let Some(window) = window else { return Ok(store) };
+        store.add(around)?;
+        let limits = match around {
+            [] => Limits::new(self.points, window),
+            _ => Limits::with_hull(self.points, window),
+        };
+        Ok(store.limited(Some(limits)))
+    }
+
+    /// A store without points.
+    pub(super) fn store(&self, tiling: &Tiling) -> PointStore {
+        PointStore::empty(*tiling, self.folder(), self.store_memory())
+    }
+
+    pub(super) fn store_memory(&self) -> u64 {
+        self.memory / STORES
+    }
+
+    pub(super) fn folder(&self) -> &Path {
+        self.job.spill_folder()
+    }
+
+    /// Whether the ground has to be looked for among all returns, as the numbers of returns do not tell which is the
+    /// last: where some points are no last returns, and none is a second one. The last returns were read before.
+    pub(super) fn all_returns(&self, last: &PointStore) -> Result<bool> {
+        if let Some((_, seen)) = &self.part {
+            return Ok(seen.all_returns);
+        }
+        if last.census().filtered == 0 {
+            return Ok(false);
+        }
+        let second = self.source(no_noise(), Some(Return::Number(2)))?;
+        for part in 0..second.parts() {
+            if second.read(part, &mut |_| Ok(()))?.kept > 0 {
+                return Ok(false);
+            }
+            self.cancel.check()?;
+        }
+        Ok(true)
+    }
+}
