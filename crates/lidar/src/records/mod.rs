@@ -133,6 +133,16 @@ fn whole(records: &dyn Records, unit: usize, at: At<'_>) -> Result<Vec<u8>> {
     Ok(all)
 }
 
+/// Records made of others, where there are any, or these.
+pub(crate) fn over<'r>(made: &'r Option<impl Records>, others: &'r dyn Records) -> &'r dyn Records {
+    made.as_ref().map_or(others, |made| made)
+}
+
+/// How many records there are, at most.
+pub(crate) fn total(records: &dyn Records) -> u64 {
+    (0..records.units()).map(|unit| records.unit(unit).points).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

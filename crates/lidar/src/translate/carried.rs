@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use super::noise::{Marks, Noted};
+use super::noise::noted::{Marks, Noted};
 use crate::points::parts_in;
 use crate::records::choice::place;
 use crate::records::{Records, Take, Unit};

@@ -15,7 +15,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use crate::records::choice::place;
-use crate::records::{Flow, Records};
+use crate::records::{Flow, Records, total};
 use terrane_base::error::Result;
 use terrane_base::geom::{Frame, Point};
 use terrane_cloud::write::{Chunk, CloudWriter, Cube, Key, Layout};
@@ -142,7 +142,7 @@ impl Octree<'_> {
         flow: Flow,
         writer: &mut CloudWriter,
     ) -> Result<()> {
-        let all = super::total(records);
+        let all = total(records);
         self.at.progress.begin("columns", all);
         let level = (0..MOST_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
         let level = level.unwrap_or(MOST_LEVELS);

@@ -1,25 +1,24 @@
 //! Options of points that are written.
 
 use std::path::Path;
-use std::time::Instant;
 
 use terrane_options::{Choice, Kind, Options, Range, Rule};
 
-use super::plan::run_in;
-use super::{
-    Above, Assign, BufferMark, Classify, HeightsAs, Overlap, Sort, Split, Squares, Thin,
-    TranslateJob, TranslateReport, run,
-};
+use super::above::asked::{Above, Classify, HeightsAs};
+use super::assign::Assign;
+use super::job::TranslateJob;
+use super::overlap::Overlap;
+use super::sorted::Sort;
+use super::split::Split;
+use super::squares::{BufferMark, Squares};
+use super::thin::Thin;
 use crate::grid::{AsText, GroundFrom};
 use terrane_base::error::Result;
 use terrane_cloud::{LasVersion, OpenOptions, PointFormat};
 use terrane_engine::Resources;
-use terrane_engine::figures::Figures;
-use terrane_engine::operation::{Operation, Request, Writes};
 use terrane_engine::options::{
     AsFormula, AsNumber, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
-use terrane_engine::outputs::refuse_file_name;
 
 terrane_engine::by_text!(AsFormula, Kind::Shaped("str"), Assign);
 terrane_engine::by_text!(AsNumber, Kind::Shaped("float | str"), Overlap Thin);
@@ -144,7 +143,7 @@ impl PointsOptions {
     }
 
     /// The same without the polygons that points are within.
-    fn unread(&self, inputs: &[String], output: &Path) -> TranslateJob {
+    pub(super) fn unread(&self, inputs: &[String], output: &Path) -> TranslateJob {
         let is_plain = self.tile_format == TileFormat::Las;
         let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);
         TranslateJob {
@@ -169,34 +168,6 @@ impl PointsOptions {
             resources: self.resources.clone(),
             ..TranslateJob::new(inputs.to_vec(), output)
         }
-    }
-}
-
-impl Operation for PointsOptions {
-    const NAME: &'static str = "points";
-    type Input = CloudInput;
-    const WRITES: Writes = Writes::Points;
-    type Report = TranslateReport;
-
-    fn is_folder(&self) -> bool {
-        self.tile.is_some() || self.split.is_some()
-    }
-
-    fn check(&self, output: &Path) -> Result<()> {
-        match self.is_folder() {
-            true => refuse_file_name(output),
-            false => self.unread(&[], output).packing().map(drop),
-        }
-    }
-
-    fn run(&self, request: Request<'_>) -> Result<TranslateReport> {
-        let Request { inputs, output, skipped, progress, cancel, .. } = request;
-        let job = self.job(inputs.names(), output)?;
-        let Some(folder) = &self.resuming.workdir else { return run(&job, progress, cancel) };
-        let start = Instant::now();
-        let written = run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel)?;
-        let run = Figures::since(start, &self.resources);
-        Ok(TranslateReport { run, ..TranslateReport::from(written) })
     }
 }
 

@@ -3,17 +3,35 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::noise::Noise;
-use super::prepared::Looked;
-use super::squares::Squares;
+use serde::{Deserialize, Serialize};
+
+use super::noise::noted::Noise;
+use super::squares::{Spans, Squares};
+use crate::grid::preset::Seen;
 use crate::grid::{Near, near_steps};
 use crate::points::Limits;
 use terrane_base::geom::Frame;
 use terrane_cloud::PointSource;
 use terrane_delaunay::Window;
 
-/// Squares along both axes, from the first to the last.
-pub(super) type Spans = [[i64; 2]; 2];
+/// What has to be known of the whole cloud before some squares are made.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Looked {
+    /// Which points are noise, where that has to be known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) noise: Option<Noise>,
+    /// Of the ground, where something is told of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) seen: Option<Seen>,
+}
+
+impl Looked {
+    /// What was found, one line each.
+    pub(super) fn notes(&self) -> impl Iterator<Item = String> + '_ {
+        let noise = self.noise.iter().flat_map(|noise| &noise.notes);
+        noise.chain(self.seen.iter().flat_map(|seen| &seen.notes)).cloned()
+    }
+}
 
 /// Squares that are made by themselves.
 pub(super) struct Portion<'a> {

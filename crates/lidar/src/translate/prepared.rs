@@ -1,44 +1,108 @@
 //! A job on points with all it needs: done whole, in portions, or looked at before.
 
-use std::path::Path;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
+use super::above::asked::HeightsAs;
+use super::assign::{Assigned, Assigning};
 use super::carried::CarriedRecords;
-use super::noise::{Marked, Noise};
-use super::{HeightsAs, Made, Shares, TranslateJob, TranslateReport, Work, over};
-use crate::grid::preset::Seen;
-use terrane_base::error::{Error, Result};
-use terrane_cloud::write::{Packing, packing_by_name};
-use terrane_cloud::{Carrier, Cloud, CloudInfo, PointSource, Target};
+use super::job::TranslateJob;
+use super::moved::MovedRecords;
+use super::noise::Marked;
+use super::noise::noted::Noise;
+use super::portion::{Looked, Portion};
+use super::report::TranslateReport;
+use super::shares::Shares;
+use super::split::{Split, Values};
+use super::squares::{Made, refuse_within};
+use super::wide::Wide;
+use super::work::Work;
+use crate::records::{Records, over};
+use terrane_base::error::Result;
+use terrane_cloud::write::WriteOptions;
+use terrane_cloud::{Carrier, Cloud, CloudInfo, PointSource};
 use terrane_engine::figures::Figures;
+use terrane_engine::input::workers;
+use terrane_engine::memory::with_polygons;
+use terrane_engine::plan::At;
 use terrane_engine::sift::Losses;
 use terrane_engine::transform::Transformed;
+use terrane_engine::{Cancel, Progress, Resources};
+use terrane_files::atomic::refuse_existing;
+
+/// Writes the points. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// An output that exists, cannot be created, or is of no known ending; files that do not go into one; what the
+/// format cannot hold of a point; too little memory.
+pub fn run(
+    job: &TranslateJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TranslateReport> {
+    let (start, at) = (Instant::now(), At { progress, cancel });
+    refuse_existing(&job.output, job.overwrite)?;
+    job.packing()?;
+    let cloud = job.open()?;
+    if job.squares.is_some() || job.split.is_some() {
+        refuse_within(cloud.files(), &job.output)?;
+    }
+    let make = |resources| {
+        let job = TranslateJob { resources, ..job.clone() };
+        prepared(&job, &cloud, None, at, |prepared| prepared.report(start))
+    };
+    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    report.run.memory_budget = job.resources.memory;
+    Ok(report)
+}
+
+/// Does something with all that a job on a cloud, or some squares of it, needs.
+pub(super) fn prepared<T: Send>(
+    job: &TranslateJob,
+    cloud: &Cloud,
+    portion: Option<&Portion<'_>>,
+    at: At<'_>,
+    act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
+) -> Result<T> {
+    let packing = job.packing()?;
+    let carrier = carrier(job, cloud)?;
+    let told = job.above.info(carrier.info());
+    let columns = carrier.columns();
+    let assigning = Assigning::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
+    let values = |split: &Split| Values::new(split, (carrier.format(), &columns));
+    let values = job.split.as_ref().map(values).transpose()?;
+    let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window))
+        .with(portion.and_then(Portion::noise).map(|noise| &noise.own));
+    let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
+    let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
+    let threads = shares.threads;
+    let moved = job.moved(&told)?;
+    let info = moved.as_ref().map_or(&told, |moved| &moved.info);
+    let file = carrier.file(info.frame, info.crs.clone());
+    let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
+    let work = Work {
+        job,
+        input: cloud,
+        cloud: cloud.info(),
+        assigning: &assigning,
+        values: values.as_ref(),
+        told: &told,
+        info,
+        moved: moved.as_ref(),
+        carrier: &carrier,
+        options,
+        shares,
+        portion,
+        at,
+    };
+    let resources = Resources { threads, ..job.resources.clone() };
+    let prepared = Prepared { work, source: &source };
+    workers(&resources)?.install(|| act(&prepared))
+}
 
 /// A job that is ready to be done.
 pub(super) struct Prepared<'a> {
     pub(super) work: Work<'a>,
     pub(super) source: &'a CarriedRecords<'a>,
-}
-
-/// What has to be known of the whole cloud before some squares are made.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Looked {
-    /// Which points are noise, where that has to be known.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) noise: Option<Noise>,
-    /// Of the ground, where something is told of it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) seen: Option<Seen>,
-}
-
-impl Looked {
-    /// What was found, one line each.
-    pub(super) fn notes(&self) -> impl Iterator<Item = String> + '_ {
-        let noise = self.noise.iter().flat_map(|noise| &noise.notes);
-        noise.chain(self.seen.iter().flat_map(|seen| &seen.notes)).cloned()
-    }
 }
 
 impl Prepared<'_> {
@@ -104,19 +168,40 @@ impl Prepared<'_> {
     }
 }
 
-impl TranslateJob {
-    /// What its points are to be in.
-    pub(super) fn target(&self) -> Result<Target> {
-        Ok(Target { format: self.format, version: self.version, packing: self.packing()? })
-    }
-
-    /// How its files are packed.
-    pub(super) fn packing(&self) -> Result<Packing> {
-        match (&self.squares, &self.split) {
-            (Some((_, plain)), _) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
-            (None, Some(split)) => Ok(split.packing()),
-            (None, None) => packing(&self.output),
-        }
+impl Work<'_> {
+    /// Writes what is chosen of all records, and says what was found.
+    fn run(&self, source: &dyn Records, wide: Option<&Wide>) -> Result<(Made, Vec<String>)> {
+        let (job, record) = (self.job, self.shares.flow.record);
+        let single = self.single(source)?;
+        let records = over(&single, source);
+        let marked = self.mark(records)?;
+        let records = over(&marked, records);
+        let told = job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
+        let records = over(&told, records);
+        let (assigning, cloud) = (self.assigning, self.input);
+        let assigned =
+            (!job.assign.is_empty()).then_some(Assigned { records, assigning, record, cloud });
+        let records = over(&assigned, records);
+        let lines = job.overlap.map(|overlap| self.lines(records, overlap)).transpose()?;
+        let records = over(&lines, records);
+        let thinned = job.thin.map(|thin| self.thin(records, thin)).transpose()?;
+        let records = over(&thinned, records);
+        let apart = job.distance.map(|least| self.discs(least).choose(records)).transpose()?;
+        let records = over(&apart, records);
+        let moved = self.moved.map(|to| MovedRecords { records, to, record });
+        let records = over(&moved, records);
+        let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
+        let made = self.write(over(&sorted, records))?;
+        let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
+            let (side, left_out) = (overlap.side(self.told), lines.left_out());
+            format!("overlap: {left_out} points of other flight lines left out, in cells of {side}")
+        });
+        let noise = marked.iter().flat_map(|marked| &marked.notes);
+        let ground = told.iter().flat_map(|told| &told.notes);
+        let mut notes: Vec<_> = noise.chain(ground).cloned().chain(note).collect();
+        // Both may say that the unit is a guess.
+        notes.dedup();
+        Ok((made, notes))
     }
 }
 
@@ -143,12 +228,4 @@ pub(super) fn least(job: &TranslateJob, cloud: &Cloud, points: u64) -> Result<[u
     let carrier = carrier(job, cloud)?;
     let needed = job.needed(job.packing()?, carrier.info(), (points, true));
     Ok(Shares::least((carrier.size(), carrier.extra_bytes()), needed))
-}
-
-fn packing(path: &Path) -> Result<Packing> {
-    packing_by_name(path).ok_or_else(|| {
-        Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
-            .in_file(path)
-            .remedy("choose a name with one of these endings")
-    })
 }

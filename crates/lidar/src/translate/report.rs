@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::plan::PointsWritten;
 use terrane_cloud::Census;
 use terrane_engine::figures::Figures;
 use terrane_engine::transform::Transformed;
@@ -33,13 +32,4 @@ pub struct TranslateReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points_per_second: Option<f64>,
     pub notes: Vec<String>,
-}
-
-impl From<PointsWritten> for TranslateReport {
-    fn from(written: PointsWritten) -> Self {
-        let PointsWritten { input, output, point_format, files, points, crs, output_bytes, notes } =
-            written;
-        let usual = Self::default();
-        Self { input, output, point_format, files, points, crs, output_bytes, notes, ..usual }
-    }
 }

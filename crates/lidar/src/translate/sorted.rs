@@ -8,9 +8,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-use super::total;
 use crate::records::choice::{place, time};
-use crate::records::{Flow, Records, Take, Unit};
+use crate::records::{Flow, Records, Take, Unit, total};
 use terrane_base::bits::ordered;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointFormat;

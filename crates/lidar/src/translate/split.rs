@@ -4,9 +4,8 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::assign::column;
-use super::squares::{Filled, ending, holds_only};
-use super::{Made, total};
-use crate::records::{Flow, Records};
+use super::squares::{Filled, Made, ending, holds_only};
+use crate::records::{Flow, Records, total};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Ruler;
 use terrane_cloud::write::{Column, Packing, WriteOptions};

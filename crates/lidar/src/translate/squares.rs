@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-use super::Made;
-use super::portion::Spans;
 use crate::records::choice::place;
-use crate::records::{Flow, Records};
+use crate::records::{Flow, Records, total};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Decimal, Frame, Point};
 use terrane_cloud::write::is_written_here;
@@ -52,6 +50,17 @@ impl BufferMark {
             Self::Synthetic => Flags::SYNTHETIC,
         }
     }
+}
+
+/// Squares along both axes, from the first to the last.
+pub(super) type Spans = [[i64; 2]; 2];
+
+/// Files that were made, and the points in them.
+#[derive(Default)]
+pub(super) struct Made {
+    pub(super) files: u64,
+    pub(super) points: u64,
+    pub(super) bytes: u64,
 }
 
 /// Squares along an axis: for each of them the first and last step of its file's points.
@@ -121,7 +130,7 @@ impl<'a> Division<'a> {
         folder: &Path,
         at: At<'_>,
     ) -> Result<Made> {
-        at.progress.begin("squares", super::total(records));
+        at.progress.begin("squares", total(records));
         let mut copy = Vec::new();
         flow.run(records, at, &mut |bytes| {
             bytes.chunks_exact(flow.record).try_for_each(|record| self.take(record, &mut copy))

@@ -1,10 +1,13 @@
 //! The points that the ground is made of, where these are not those asked for, and no others.
 
+use super::above::told::Told;
 use super::carried::CarriedRecords;
-use super::noise::Noise;
-use super::{Portion, Told, TranslateJob, Work, over};
+use super::job::TranslateJob;
+use super::noise::noted::Noise;
+use super::portion::Portion;
+use super::work::Work;
 use crate::grid::preset::{Metres, Seen, around};
-use crate::records::Records;
+use crate::records::{Records, over};
 use terrane_base::error::Result;
 use terrane_cloud::{Carrier, Cloud, Filter, OpenOptions, Target};
 use terrane_delaunay::Window;

@@ -7,15 +7,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 
-use super::told::{Told, Values, Z};
-use super::{Above, Classify, HeightsAs, NO_HEIGHT, is_known_noise, is_there};
+use super::asked::{Above, Classify, HeightsAs, is_known_noise, is_there};
+use super::told::{NO_HEIGHT, Told, Values, Z};
 use crate::grid::preset::{Filter, Metres, NOISE, Seen, found_by, no_ground, no_ground_of_class};
 use crate::grid::{GROUND, GroundFrom, Surfaces, more_is_needed, tiling};
 use crate::points::PointStore;
 use crate::records::choice::place;
-use crate::records::{Flow, Records, numbered};
+use crate::records::{Flow, Records, numbered, total};
 use crate::translate::portion::Portion;
-use crate::translate::total;
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;

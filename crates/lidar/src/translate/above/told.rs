@@ -4,12 +4,13 @@ use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::NO_HEIGHT;
 use crate::records::{Records, Take, Unit};
 use terrane_base::error::Result;
 use terrane_cloud::PointFormat;
 use terrane_files::{Buckets, Writer};
 
+/// Stands for no height.
+pub(super) const NO_HEIGHT: i32 = i32::MIN;
 /// Bytes of values that are held while they are read.
 pub(super) const VALUES: u64 = 16 << 20;
 /// Values of a bucket, and the most buckets.

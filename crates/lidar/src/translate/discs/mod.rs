@@ -14,10 +14,9 @@ use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::total;
 use crate::points::Tiling;
 use crate::records::choice::{Chosen, place, time};
-use crate::records::{Flow, Records, numbered};
+use crate::records::{Flow, Records, numbered, total};
 use fates::{Fate, Fates, HELD, Span, contains};
 use terrane_base::bits::BitSet;
 use terrane_base::bits::{mixed, ordered};

@@ -4,7 +4,7 @@
 //! records ── places, by parts of space ── scores, part by part ──[limit of all]── bits ── records again, with the class
 //! ```
 
-mod noted;
+pub(super) mod noted;
 mod parts;
 
 use std::path::Path;
@@ -12,12 +12,10 @@ use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::above::{is_known_noise, is_there};
-use super::total;
+use super::above::asked::{is_known_noise, is_there};
 use crate::grid::preset::Metres;
 use crate::records::choice::place;
-use crate::records::{Flow, Records, Take, Unit, numbered};
-pub(super) use noted::{Marks, Noise, Noted};
+use crate::records::{Flow, Records, Take, Unit, numbered, total};
 use parts::{Entry, Filling, Parts};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};

@@ -4,9 +4,14 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::translate::portion::Spans;
-use crate::translate::prepared::Looked;
-use crate::translate::{Above, Assign, Overlap, Sort, Squares, Thin, TranslateJob, squares};
+use crate::translate::above::asked::Above;
+use crate::translate::assign::Assign;
+use crate::translate::job::TranslateJob;
+use crate::translate::overlap::Overlap;
+use crate::translate::portion::Looked;
+use crate::translate::sorted::Sort;
+use crate::translate::squares::{self, Spans, Squares};
+use crate::translate::thin::Thin;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_cloud::{CloudInfo, LasVersion, OpenOptions, PointFormat};

@@ -6,67 +6,22 @@
 
 mod manifest;
 mod probe;
+mod report;
 mod work;
 
 use std::path::Path;
 
-use serde::Serialize;
-
-use super::{PointsOptions, TranslateJob};
+use super::job::TranslateJob;
+use super::options::PointsOptions;
 use manifest::Points;
 use terrane_base::error::Result;
 use terrane_engine::operation::{Divisible, Request};
-use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport, Written};
+use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport};
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{refuse_held, shown_all};
 
-/// Squares of points to plan; a task has so many squares along its side (`cut`).
-pub type PlanPointsJob = plan::PlanJob<TranslateJob>;
-/// The plan of points, or how far the work on it has come.
-pub type PointsStatus = StatusReport<SquareStatus>;
-
-/// What is told of the plan of points alone.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)]
-pub struct SquareStatus {
-    /// Columns and rows of squares.
-    pub squares: [u64; 2],
-    /// Side of a square, in units of x and y.
-    pub side: f64,
-    /// Points that the headers claim.
-    pub points: u64,
-}
-
-/// What is told of a run on points alone.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct SquareRun {
-    /// Points written by the tasks it did.
-    pub points: u64,
-    /// What is written, once it is.
-    pub written: Option<PointsWritten>,
-}
-
-impl Written for SquareRun {
-    fn written(&self) -> Option<&str> {
-        self.written.as_ref().map(|points| points.output.as_str())
-    }
-}
-
-/// Files of squares that were written.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, serde::Deserialize)]
-#[allow(missing_docs)]
-pub struct PointsWritten {
-    pub input: String,
-    pub output: String,
-    pub point_format: u8,
-    pub files: u64,
-    /// Points in them; those of buffers are in several.
-    pub points: u64,
-    pub crs: String,
-    pub output_bytes: u64,
-    pub notes: Vec<String>,
-}
+pub use report::{PlanPointsJob, PointsStatus, PointsWritten, SquareRun, SquareStatus};
 
 impl Divisible for PointsOptions {
     const TASK_SIZE: &'static str = "Squares along the side of a task, which reads what lies near them \

@@ -7,9 +7,10 @@ use tempfile::TempDir;
 use super::manifest::Points;
 use super::work::Opened;
 use crate::points::parts_in;
-use crate::translate;
-use crate::translate::noise::Noise;
-use crate::translate::portion::{Spans, window};
+use crate::translate::noise::noted::Noise;
+use crate::translate::portion::window;
+use crate::translate::prepared::{least, record_bytes};
+use crate::translate::squares::Spans;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointSource;
 use terrane_delaunay::Window;
@@ -46,12 +47,11 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
     at.progress.end();
     let count = work.blocks.points as f64;
     let all = match tried {
-        0.0 => count * translate::record_bytes(&opened.job, &opened.cloud)? as f64 * grown(work),
+        0.0 => count * record_bytes(&opened.job, &opened.cloud)? as f64 * grown(work),
         tried => MARGIN * bytes / tried * area(opened, work, work.blocks.spans),
     } as u64;
     let kind = work.looked.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
-    let [memory, thread_memory] =
-        translate::least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
+    let [memory, thread_memory] = least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
     let noted = work.looked.noise.as_ref().map_or(0, Noise::bytes);
     Ok(Needs {
         memory: memory + noted + polygon_bytes(&opened.job.cloud),

@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::manifest::{Block, Blocks, Method, Points};
-use super::{PointsWritten, SquareRun, SquareStatus};
+use super::report::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
-use crate::translate::portion::{Portion, Spans, window};
-use crate::translate::prepared::Looked;
-use crate::translate::{self, TranslateJob, squares};
+use crate::translate::job::TranslateJob;
+use crate::translate::portion::{Looked, Portion, window};
+use crate::translate::prepared::{prepared, stored};
+use crate::translate::squares::{self, Spans};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{Cloud, PointSource};
 use terrane_engine::memory::beside_polygons;
@@ -51,7 +52,7 @@ impl Points {
         let mut method = Method::of(job)?;
         let mut opened = Opened::new(job.clone())?;
         method.found(opened.cloud.files())?;
-        let info = translate::stored(&opened.job, &opened.cloud)?;
+        let info = stored(&opened.job, &opened.cloud)?;
         // Cells are those of the whole cloud.
         method.overlap = job.overlap.map(|cells| cells.over(&info));
         opened.job.overlap = method.overlap;
@@ -80,7 +81,7 @@ impl Opened {
         let above = &self.job.above;
         let is_local = above.noise().is_none_or(noise::Asked::is_local);
         match above.is_asked() || !is_local {
-            true => translate::prepared(&self.job, &self.cloud, None, at, |of| of.look()),
+            true => prepared(&self.job, &self.cloud, None, at, |of| of.look()),
             false => Ok(Looked::default()),
         }
     }
@@ -99,7 +100,7 @@ impl Opened {
         work: &Points,
         (spans, folder): (Spans, &Path),
         at: At<'_>,
-    ) -> Result<translate::Made> {
+    ) -> Result<squares::Made> {
         let (job, info) = (&self.job, self.cloud.info());
         let cells = window(&work.method.squares, spans, job.reach(info)?, &info.frame);
         let side = crate::grid::tiling(info).side();
@@ -107,7 +108,7 @@ impl Opened {
         let mut near = Near { cells, margin: side.saturating_add(4).max(wide as i32) };
         loop {
             let portion = Portion::new((spans, near), &work.looked, &self.cloud, folder);
-            let made = translate::prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
+            let made = prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
             if !portion.is_exceeded() {
                 return made.map(|(made, _)| made);
             }
@@ -168,7 +169,7 @@ impl Work for Points {
         job.resources = beside_polygons(&job.cloud, &resources);
         job.cloud.threads = job.resources.threads;
         let opened = Opened::new(job)?;
-        let info = translate::stored(&opened.job, &opened.cloud)?;
+        let info = stored(&opened.job, &opened.cloud)?;
         let here = Blocks::of(&info, &method.squares, Some(blocks.cut))?;
         refuse_another("cloud", &plan.label, blocks, &here)?;
         Ok(opened.knowing(looked))
@@ -205,7 +206,7 @@ impl Work for Points {
     ) -> Result<PointsWritten> {
         let Plan { label, work, .. } = &survey.folder.plan;
         let folder = AtomicFolder::create(&job.output, job.overwrite, squares::is_ours)?;
-        let mut written = translate::prepared(job, cloud, None, at, |of| {
+        let mut written = prepared(job, cloud, None, at, |of| {
             Ok(PointsWritten {
                 input: label.clone(),
                 output: job.output.display().to_string(),

@@ -1,0 +1,267 @@
+//! What is asked of the ground under points, and which points may be ground.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
+
+use super::reclassify::Reclassify;
+use super::told::VALUES;
+use crate::grid::preset::{Metres, NOISE, square_bytes};
+use crate::grid::{GroundFrom, WORKER};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Frame, Point};
+use terrane_cloud::{CloudInfo, Flags, PointFormat};
+use terrane_ground::noise;
+
+/// Where the height of a point above the ground goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
+pub enum HeightsAs {
+    /// into the dimension HeightAboveGround of its extra bytes, in steps of z
+    Dimension,
+    /// into its z; points that have no ground under them are left out
+    Z,
+}
+
+/// What gives points their classes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum Classify {
+    /// Those that a method finds to be noise are of its class; before all others, as noise is no ground.
+    Noise(noise::Asked),
+    /// Of the classes that may change, those found to be ground are of class 2, and no others are.
+    Ground(Reclassify),
+    /// Those of no class (0 or 1) are of one by their height above the ground.
+    Height(Layers),
+}
+
+/// Classes, each from a height above the ground up to that of the next.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layers(Vec<(u8, f64)>);
+
+impl Default for Layers {
+    /// Low, medium and high vegetation.
+    fn default() -> Self {
+        Self(vec![(3, 0.5), (4, 2.0), (5, 5.0)])
+    }
+}
+
+impl FromStr for Layers {
+    type Err = String;
+
+    /// "3=0.5,4=2,5=5".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let one = |part: &str| {
+            let (class, height) = part.split_once('=').ok_or_else(|| {
+                format!("{part:?} is no class and the height that it begins at, such as 3=0.5")
+            })?;
+            let class =
+                class.trim().parse().map_err(|_| format!("{class} is no class, 0 to 255"))?;
+            let height = height.trim().parse().ok().filter(|height: &f64| height.is_finite());
+            Ok((class, height.ok_or_else(|| format!("{part:?} names no height"))?))
+        };
+        let layers = text.split(',').map(one).collect::<std::result::Result<Vec<_>, String>>()?;
+        match layers.is_sorted_by(|a, b| a.1 < b.1) {
+            true => Ok(Self(layers)),
+            false => Err("each height has to be above the one before it".to_owned()),
+        }
+    }
+}
+
+impl FromStr for Classify {
+    type Err = String;
+
+    /// "ground", "ground:reclassify=9,17", "height", "height:3=0.5,4=2,5=5", "noise", "noise:voxel:step=2,isolated=3".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text.split_once(':') {
+            None if text == "ground" => Ok(Self::Ground(Reclassify::default())),
+            None if text == "height" => Ok(Self::Height(Layers::default())),
+            None if text == "noise" => Ok(Self::Noise(noise::Asked::BEST)),
+            Some(("ground", classes)) => classes.parse().map(Self::Ground),
+            Some(("height", layers)) => layers.parse().map(Self::Height),
+            Some(("noise", method)) => {
+                noise::Asked::parse(method).map(Self::Noise).map_err(|e| e.to_string())
+            }
+            _ => Err(format!(
+                "{text} is none of ground, ground:reclassify=CLASS,..., height, height:CLASS=FROM,..., noise, \
+                 noise:METHOD"
+            )),
+        }
+    }
+}
+
+impl fmt::Display for Classify {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let layers = match self {
+            Self::Ground(classes) => return classes.fmt(f),
+            Self::Noise(asked) => return write!(f, "noise:{asked}"),
+            Self::Height(Layers(layers)) => layers,
+        };
+        let all: Vec<_> = layers.iter().map(|(class, from)| format!("{class}={from}")).collect();
+        write!(f, "height:{}", all.join(","))
+    }
+}
+
+impl From<Classify> for String {
+    fn from(classify: Classify) -> Self {
+        classify.to_string()
+    }
+}
+
+impl TryFrom<String> for Classify {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl Layers {
+    /// The class at a height; `None` below the first.
+    pub(super) fn at(&self, height: f64) -> Option<u8> {
+        self.0.iter().rev().find(|(_, from)| height >= *from).map(|(class, _)| *class)
+    }
+}
+
+/// What is asked of the ground.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Above {
+    /// Which points are ground.
+    pub from: GroundFrom,
+    /// Where heights above it go.
+    pub heights: Option<HeightsAs>,
+    /// Who gives classes, one after the other.
+    pub classify: Vec<Classify>,
+}
+
+/// Bytes of tables for each square of the plane.
+const SQUARE: u64 = 512;
+
+/// Whether a record is of a class of noise.
+pub(in crate::translate) fn is_known_noise(format: PointFormat, record: &[u8]) -> bool {
+    NOISE.contains(&format.class(record))
+}
+
+/// Whether a record is no point marked as withheld, or these are kept.
+pub(in crate::translate) fn is_there(
+    format: PointFormat,
+    keeps_withheld: bool,
+    record: &[u8],
+) -> bool {
+    keeps_withheld || !format.flags(record).meets(Flags::WITHHELD)
+}
+
+impl Above {
+    /// Whether anything is asked of the ground.
+    pub(in crate::translate) fn is_asked(&self) -> bool {
+        let is_noise = |one: &Classify| matches!(one, Classify::Noise(_));
+        self.heights.is_some() || !self.classify.iter().all(is_noise)
+    }
+
+    /// The method that noise is found by, if it is looked for.
+    pub(in crate::translate) fn noise(&self) -> Option<&noise::Asked> {
+        self.classify.iter().find_map(|one| match one {
+            Classify::Noise(asked) => Some(asked),
+            _ => None,
+        })
+    }
+
+    /// Leaves noise to others.
+    pub(in crate::translate) fn forget_noise(&mut self) {
+        self.classify.retain(|one| !matches!(one, Classify::Noise(_)));
+    }
+
+    /// Bytes that it needs for a cloud, and more for each thread.
+    pub(in crate::translate) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
+        let tables = (info.count / 4096).clamp(1, 1 << 18) * SQUARE;
+        match self.is_asked() {
+            true => [2 * VALUES + tables + self.square(info), WORKER],
+            false => [0; 2],
+        }
+    }
+
+    /// Bytes of them for a square of the method that finds the ground.
+    pub(in crate::translate) fn square(&self, info: &CloudInfo) -> u64 {
+        let metres = Metres::of(&info.crs, &info.frame);
+        match metres {
+            Ok(metres) if self.is_asked() && self.from != GroundFrom::Class => {
+                square_bytes(&self.from.method(), metres.extent(info.bounds))
+            }
+            _ => 0,
+        }
+    }
+
+    /// Frame, bounds and system of points of this cloud, as they are written.
+    pub(in crate::translate) fn info(&self, info: &CloudInfo) -> CloudInfo {
+        if self.heights != Some(HeightsAs::Z) {
+            return info.clone();
+        }
+        let [x, y, _] = info.frame.offset;
+        let frame = Frame { offset: [x, y, 0.0], ..info.frame };
+        let bounds = info.bounds.map(|[low, high]| {
+            // The ground is between the lowest and the highest point; heights are rounded to a step.
+            let most = high.z.saturating_sub(low.z).saturating_add(1);
+            [Point { z: -most, ..low }, Point { z: most, ..high }]
+        });
+        CloudInfo { frame, bounds, crs: info.crs.without_heights(), ..info.clone() }
+    }
+
+    /// # Errors
+    /// What cannot be asked together, or of a format.
+    pub(in crate::translate) fn check(&self, format: PointFormat) -> Result<()> {
+        if self.finds_ground() && self.from == GroundFrom::Class {
+            return Err(Error::usage(
+                "‹classify› ground cannot act: ‹ground› class takes the classes that there are",
+            )
+            .remedy("leave one of them out"));
+        }
+        if !self.is_asked() && self.from != GroundFrom::Auto {
+            return Err(Error::usage("‹ground› cannot act: nothing is asked of the ground")
+                .remedy("pass ‹height_above_ground› or ‹classify›, or leave ‹ground› out"));
+        }
+        let kinds: Vec<_> = self.classify.iter().map(std::mem::discriminant).collect();
+        if (1..kinds.len()).any(|i| kinds[..i].contains(&kinds[i])) {
+            return Err(Error::usage("‹classify› names one way twice").remedy("leave one out"));
+        }
+        let classes =
+            self.layers().into_iter().flat_map(|Layers(all)| all).map(|(class, _)| *class);
+        match classes.max().filter(|class| *class > format.most_class()) {
+            None => Ok(()),
+            Some(class) => {
+                let number = format.number();
+                Err(Error::usage(format!("point format {number} has no class {class}"))
+                    .remedy("pass ‹point_format› 6, or 7 with colours"))
+            }
+        }
+    }
+
+    pub(super) fn layers(&self) -> Option<&Layers> {
+        self.classify.iter().find_map(|one| match one {
+            Classify::Height(layers) => Some(layers),
+            _ => None,
+        })
+    }
+
+    /// The classes that may change, if points are given that of ground.
+    pub(super) fn reclassify(&self) -> Option<&Reclassify> {
+        self.classify.iter().find_map(|one| match one {
+            Classify::Ground(classes) => Some(classes),
+            _ => None,
+        })
+    }
+
+    pub(super) fn finds_ground(&self) -> bool {
+        self.reclassify().is_some()
+    }
+
+    /// Whether points of a class, which is none of noise, may be found to be ground.
+    pub(super) fn may_be_ground(&self, class: u8) -> bool {
+        self.reclassify().is_none_or(|classes| classes.may_change(class))
+    }
+
+    /// Whether the ground is that of the classes, if there are points of it.
+    pub(super) fn takes_classes(&self) -> bool {
+        !self.from.is_method() && !self.finds_ground()
+    }
+}

@@ -1,0 +1,202 @@
+//! A job on points: what is asked for, what it needs, and what can be known to be wrong with it.
+
+use std::path::{Path, PathBuf};
+
+use super::above::asked::{Above, HeightsAs};
+use super::assign::Assign;
+use super::moved::Move;
+use super::overlap::Overlap;
+use super::sorted::{self, Sort};
+use super::split::Split;
+use super::squares::Squares;
+use super::thin::Thin;
+use super::{discs, noise};
+use crate::records::choice::needed;
+use terrane_base::error::{Error, Result};
+use terrane_cloud::write::{Packing, packing_by_name};
+use terrane_cloud::{Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, Target};
+use terrane_engine::Resources;
+use terrane_engine::transform::Transform;
+use terrane_files::path_of;
+
+/// Clouds to be written as one.
+#[derive(Clone, Debug)]
+pub struct TranslateJob {
+    /// File names, folders, patterns, lists.
+    pub input: Vec<String>,
+    /// How they are read, and which points; those marked as withheld are kept unless the filter drops that mark.
+    pub cloud: OpenOptions,
+    /// LAS, LAZ or COPC file to write, or a folder of the first two.
+    pub output: PathBuf,
+    /// Format of its points; the first that holds all fields of all files when `None`.
+    pub format: Option<PointFormat>,
+    /// Version of LAS; the first that has points of that format when `None`.
+    pub version: Option<LasVersion>,
+    /// Keep one point of those of one place and time.
+    pub dedupe: bool,
+    /// Heights above the ground, and classes.
+    pub above: Above,
+    /// Attributes that are set, one after the other.
+    pub assign: Vec<Assign>,
+    /// Keep the points of one flight line in each cell.
+    pub overlap: Option<Overlap>,
+    /// Keep one point of each cell.
+    pub thin: Option<Thin>,
+    /// Keep points that are no nearer to each other than this, in space and world units; as many as that allows.
+    pub distance: Option<f64>,
+    /// The system that they are to be in.
+    pub transform: Option<Transform>,
+    /// Their order; that of files and of points in them when `None`.
+    pub sort: Option<Sort>,
+    /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
+    pub squares: Option<(Squares, bool)>,
+    /// A folder of a file for each value of an attribute, rather than one file.
+    pub split: Option<Split>,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+impl TranslateJob {
+    /// The job with everything else at its default.
+    pub fn new(input: Vec<String>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            input,
+            cloud: OpenOptions::default(),
+            output: output.into(),
+            format: None,
+            version: None,
+            dedupe: false,
+            above: Above::default(),
+            assign: Vec::new(),
+            overlap: None,
+            thin: None,
+            distance: None,
+            transform: None,
+            sort: None,
+            squares: None,
+            split: None,
+            overwrite: false,
+            resources: Resources::default(),
+        }
+    }
+}
+
+/// Least memory for records that are put into columns or squares.
+const SPREAD: u64 = 32 << 20;
+
+impl TranslateJob {
+    /// The cloud, opened as it is to be read.
+    pub(super) fn open(&self) -> Result<Cloud> {
+        terrane_cloud::open(&self.input, &self.reading())
+    }
+
+    /// How many times some points are chosen of all.
+    pub(super) fn choices(&self) -> u64 {
+        let choices = [self.dedupe, self.thin.is_some(), self.overlap.is_some()];
+        choices.map(u64::from).iter().sum()
+    }
+
+    /// How far from a point others may be that decide whether it is kept, or noise: of its cell, and of the cells of
+    /// these.
+    pub(super) fn reach(&self, info: &CloudInfo) -> Result<f64> {
+        let overlap = self.overlap.and_then(|overlap| overlap.cell).unwrap_or_default();
+        let noise = self.above.noise().map_or(Ok(0.0), |asked| noise::reach(asked, info))?;
+        Ok(self.thin.map_or(0.0, |thin| thin.cell) + overlap + noise)
+    }
+
+    /// Bytes of memory that it needs beside records on their way, so many of them read of such a cloud, which may be
+    /// but a part; and more for each thread.
+    pub(super) fn needed(
+        &self,
+        packing: Packing,
+        info: &CloudInfo,
+        (points, is_part): (u64, bool),
+    ) -> [u64; 2] {
+        // However far around a part the ground is read.
+        let is_wide = is_part && self.dedupe && self.above.is_asked();
+        let wide = if is_wide { needed(info.count) } else { 0 };
+        let choices = self.choices() * needed(points) + wide;
+        let is_spread = packing == Packing::Nodes || self.squares.is_some() || self.split.is_some();
+        let spread = if is_spread { SPREAD } else { 0 };
+        let sort = self.sort.map_or(0, |_| sorted::LEAST);
+        let [discs, each_disc] = self.distance.map_or([0; 2], |_| discs::needed(info.count));
+        let [above, each] = self.above.needed(info);
+        let noise = self.above.noise().map(|asked| noise::needed(asked, points));
+        let [noise, each_part] = noise.unwrap_or_default();
+        let each = each.max(each_disc).max(each_part);
+        [choices + above + noise + discs + spread + sort, each]
+    }
+
+    /// Fails where something asked for cannot act on points of a format and packing, which lie so.
+    pub(super) fn check(
+        &self,
+        (format, packing): (PointFormat, Packing),
+        info: &CloudInfo,
+    ) -> Result<()> {
+        self.above.check(format)?;
+        self.above.noise().map_or(Ok(0.0), |asked| noise::reach(asked, info))?;
+        if let Some(least) = self.distance {
+            discs::check(least, info)?;
+        }
+        match self.sort {
+            Some(_) if packing == Packing::Nodes => {
+                Err(Error::usage("‹sort› cannot act: an octree has an order of its own")
+                    .remedy("leave it out, or choose a name that ends in .laz only"))
+            }
+            Some(by) => sorted::check(by, format),
+            None => Ok(()),
+        }
+    }
+
+    /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
+    pub(super) fn reading(&self) -> OpenOptions {
+        let filter = Filter { keep_withheld: true, ..self.cloud.filter.clone() };
+        OpenOptions { filter, any_extent: self.is_copy(), ..self.cloud.clone() }
+    }
+
+    /// Whether nothing is computed of the places of several points.
+    fn is_copy(&self) -> bool {
+        let is_divided = self.squares.is_some() || self.overlap.is_some() || self.thin.is_some();
+        let is_measured = self.distance.is_some() || self.transform.is_some();
+        let is_looked_at = self.above.is_asked() || self.above.noise().is_some();
+        !(is_divided || is_measured || is_looked_at)
+    }
+
+    /// Where points lie in the system asked for.
+    pub(super) fn moved(&self, info: &CloudInfo) -> Result<Option<Move>> {
+        let Some(transform) = &self.transform else { return Ok(None) };
+        let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
+        let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
+        let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
+        let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
+        if self.above.heights == Some(HeightsAs::Z) && !operation.keeps_heights() {
+            return Err(Error::usage("heights above the ground do not change with the system")
+                .remedy("leave ‹geoid› out, or put them into a dimension"));
+        }
+        Move::new(info, operation).map(Some)
+    }
+
+    /// What its points are to be in.
+    pub(super) fn target(&self) -> Result<Target> {
+        Ok(Target { format: self.format, version: self.version, packing: self.packing()? })
+    }
+
+    /// How its files are packed.
+    pub(super) fn packing(&self) -> Result<Packing> {
+        match (&self.squares, &self.split) {
+            (Some((_, plain)), _) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
+            (None, Some(split)) => Ok(split.packing()),
+            (None, None) => packing(&self.output),
+        }
+    }
+}
+
+fn packing(path: &Path) -> Result<Packing> {
+    packing_by_name(path).ok_or_else(|| {
+        Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
+            .in_file(path)
+            .remedy("choose a name with one of these endings")
+    })
+}
