@@ -78,7 +78,7 @@ pub(super) fn choose(
     posts.add(kept)?;
     first_posts(work, &posts)?;
     match tolerance == 0.0 {
-        true => take_all(work, &vertices)?,
+        true => add_all(work.points, &vertices)?,
         false => {
             let all = 0..work.regions.all.len();
             first_choice(work, all, (tolerance, hull), &posts, &vertices)?;
@@ -102,11 +102,6 @@ fn first_posts(work: &Work<'_>, posts: &PointStore) -> Result<()> {
         let (number, region) = (number as usize, &work.regions.all[number as usize]);
         posts.add(&work.lines.of_region(number, work.points, region).first_posts()?)
     })
-}
-
-/// Makes all points vertices.
-fn take_all(work: &Work<'_>, vertices: &PointStore) -> Result<()> {
-    add_all(work.points, vertices)
 }
 
 fn add_all(from: &PointStore, to: &PointStore) -> Result<()> {

@@ -78,9 +78,7 @@ impl Budget {
         let blocks = left(threads, shift).unwrap_or(LEAST);
         Ok(Self { threads: threads as usize, blocks, points: surface_share, shift })
     }
-}
 
-impl Budget {
     /// Bytes of memory with which both [`divide`](Self::divide) finds room for one thread, when half of
     /// them go to points that are triangulated, and [`writing`](Self::writing) does.
     pub(super) fn least(

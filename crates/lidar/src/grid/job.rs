@@ -199,6 +199,12 @@ impl GridJob {
         Ok(job)
     }
 
+    /// Whether the ground has to be known.
+    pub(super) fn needs_ground(&self) -> bool {
+        let has_layers = self.canopy.way() == Way::PitFree;
+        self.preset.is_some_and(|preset| preset != Preset::Dsm || has_layers)
+    }
+
     /// Fails when something is asked for that acts on none of the bands.
     fn check_idle(&self) -> Result<()> {
         let lack = |key| self.stats.iter().any(|asked| asked.statistic.lacks(key));
@@ -274,7 +280,7 @@ fn check_canopy(preset: Preset, job: &GridJob) -> Result<()> {
         ("‹ground›", job.ground != GroundFrom::Auto),
         ("‹class›", job.cloud.filter.classes.is_some()),
     ];
-    match idle.into_iter().find(|(_, given)| *given && !needs_ground(preset, job)) {
+    match idle.into_iter().find(|(_, given)| *given && !job.needs_ground()) {
         Some((option, _)) => {
             let name = job.canopy.name();
             let message = format!("{option} cannot act: a {name} ‹dsm› knows of no ground");
@@ -282,11 +288,6 @@ fn check_canopy(preset: Preset, job: &GridJob) -> Result<()> {
         }
         None => Ok(()),
     }
-}
-
-/// Whether the ground has to be known.
-pub(super) fn needs_ground(preset: Preset, job: &GridJob) -> bool {
-    preset != Preset::Dsm || job.canopy.way() == Way::PitFree
 }
 
 /// A number as text, because it may be NaN, which JSON has no word for.

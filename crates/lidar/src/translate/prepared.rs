@@ -19,7 +19,7 @@ use super::work::Work;
 use crate::records::{Records, over};
 use terrane_base::error::Result;
 use terrane_cloud::write::WriteOptions;
-use terrane_cloud::{Carrier, Cloud, CloudInfo, PointSource};
+use terrane_cloud::{Carrier, Cloud, PointSource};
 use terrane_engine::figures::Figures;
 use terrane_engine::input::workers;
 use terrane_engine::memory::with_polygons;
@@ -130,13 +130,9 @@ impl Prepared<'_> {
             points_per_second: Some(run.rate(census.read)),
             run,
             transformed: moved.map(|moved| Transformed::of(&moved.operation)),
-            notes: [self.notes(), self.losses().notes().collect(), found].concat(),
+            notes: [self.notes(), Losses::of(self.source.cloud()).notes().collect(), found]
+                .concat(),
         })
-    }
-
-    /// Files whose damage was passed over.
-    fn losses(&self) -> Losses {
-        Losses::of(self.source.cloud())
     }
 
     /// What is told of the cloud and of what is carried, one line each.
@@ -203,16 +199,6 @@ impl Work<'_> {
         notes.dedup();
         Ok((made, notes))
     }
-}
-
-/// Where the points of a job's cloud lie, as they are written.
-pub(super) fn stored(job: &TranslateJob, cloud: &Cloud) -> Result<CloudInfo> {
-    Ok(carrier(job, cloud)?.info().clone())
-}
-
-/// Bytes of a record that is written.
-pub(super) fn record_bytes(job: &TranslateJob, cloud: &Cloud) -> Result<usize> {
-    Ok(carrier(job, cloud)?.size())
 }
 
 /// What carries the points of a job that can be done.

@@ -134,9 +134,7 @@ impl Opened {
         opened.spec.data_dependent = false;
         Ok(opened)
     }
-}
 
-impl Opened {
     /// What becomes of heights in the file, where it stores them in f32.
     pub(super) fn rounding(&self) -> Option<Rounding> {
         let scale = self.placed.scale[2];

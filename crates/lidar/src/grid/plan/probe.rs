@@ -9,7 +9,7 @@ use super::manifest::{BLOCK, Cells, Tile};
 use super::tile::Opened;
 use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
-use crate::grid::job::{GridJob, needs_ground};
+use crate::grid::job::GridJob;
 use crate::grid::near::Near;
 use crate::grid::preset;
 use crate::points::parts_in;
@@ -73,17 +73,15 @@ pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs
 /// Whether the ground is found, or a surface frozen, in squares with halos: small tiles take more of those
 /// than all will.
 fn is_found(Opened { job, seen, .. }: &Opened) -> bool {
-    let needs_ground = job.preset.is_some_and(|preset| needs_ground(preset, job));
-    seen.as_ref().is_some_and(|seen| needs_ground && !seen.by_class || seen.square > 0)
+    seen.as_ref().is_some_and(|seen| job.needs_ground() && !seen.by_class || seen.square > 0)
 }
 
 /// Nanoseconds for a point, where that is not measured.
 fn point(opened: &Opened) -> f64 {
     let Opened { job, seen, extent, .. } = opened;
     let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
-    let needs_ground = job.preset.is_some_and(|preset| needs_ground(preset, job));
     let usual = match seen {
-        Some(seen) if needs_ground && !seen.by_class => FOUND,
+        Some(seen) if job.needs_ground() && !seen.by_class => FOUND,
         _ => POINT[usize::from(recipe.triangulates())],
     };
     let freezes = seen.as_ref().is_some_and(|seen| seen.square > 0);

@@ -7,7 +7,6 @@ use super::metres::Metres;
 use super::notes::{frozen, named, no_ground, not_of_class};
 use super::seen::{Seen, places};
 use super::squares::{Squares, Tally};
-use crate::grid::job::needs_ground;
 use terrane_base::error::Result;
 use terrane_base::geom::REACH;
 use terrane_cloud::{CloudInfo, Return};
@@ -25,7 +24,7 @@ impl Seen {
         making: &Making<'_>,
     ) -> Result<Self> {
         let mut seen = Self::default();
-        if needs_ground(preset, making.job) {
+        if making.job.needs_ground() {
             seen.look_for_ground(preset, cloud, making)?;
         }
         if preset != Preset::Dtm {

@@ -32,9 +32,7 @@ impl Metres {
         let ([x, y, z], across) = (frame.scale, side.unwrap_or(1.0));
         Ok(Self { step: [x * across, y * across, z * rise], is_guess: side.is_none() })
     }
-}
 
-impl Metres {
     /// How wide and high the box around a cloud is.
     pub(crate) fn extent(&self, bounds: Option<[Point; 2]>) -> [f64; 2] {
         let Some([low, high]) = bounds else { return [0.0; 2] };

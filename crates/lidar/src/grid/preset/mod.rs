@@ -20,7 +20,7 @@ mod squares;
 mod top;
 
 use super::extent::Piece;
-use super::job::{GridJob, needs_ground};
+use super::job::GridJob;
 use super::near::Near;
 use super::neighbours::{Surfaces, more_is_needed, tiling};
 use crate::points::{Filling, PointStore};
@@ -73,7 +73,7 @@ impl Model {
             notes: Vec::new(),
             spilled: 0,
         };
-        let mut model = match needs_ground(preset, making.job) {
+        let mut model = match making.job.needs_ground() {
             true => empty.with_ground(cloud, making)?,
             false => empty,
         };
@@ -262,9 +262,8 @@ pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u6
 }
 
 fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
-    let is_needed = job.preset.is_some_and(|preset| needs_ground(preset, job));
     let is_found = job.ground.is_method() || seen.is_some_and(|seen| !seen.by_class);
-    if !is_needed || !is_found {
+    if !job.needs_ground() || !is_found {
         return 0;
     }
     let method = job.ground.method();

@@ -1,7 +1,5 @@
 //! What the work on squares will take, from a few that are made as all will be.
 
-use std::path::Path;
-
 use tempfile::TempDir;
 
 use super::manifest::Points;
@@ -9,7 +7,7 @@ use super::work::Opened;
 use crate::points::parts_in;
 use crate::translate::noise::noted::Noise;
 use crate::translate::portion::window;
-use crate::translate::prepared::{least, record_bytes};
+use crate::translate::prepared::{carrier, least};
 use crate::translate::squares::Spans;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointSource;
@@ -39,7 +37,7 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
         at.cancel.check()?;
         if points_near(opened, work, place)? <= MOST_POINTS {
             let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
-            bytes += probe(opened, work, (place, folder.path()), at)? as f64;
+            bytes += opened.make(work, (place, folder.path()), at.silent())?.bytes as f64;
             tried += area(opened, work, place);
         }
         at.progress.advance(1);
@@ -47,7 +45,7 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
     at.progress.end();
     let count = work.blocks.points as f64;
     let all = match tried {
-        0.0 => count * record_bytes(&opened.job, &opened.cloud)? as f64 * grown(work),
+        0.0 => count * carrier(&opened.job, &opened.cloud)?.size() as f64 * grown(work),
         tried => MARGIN * bytes / tried * area(opened, work, work.blocks.spans),
     } as u64;
     let kind = work.looked.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
@@ -77,16 +75,6 @@ fn places(spans: Spans) -> Vec<Spans> {
     });
     let [columns, rows] = &along;
     rows.iter().flat_map(|row| columns.iter().map(|col| [[*col; 2], [*row; 2]])).collect()
-}
-
-/// Bytes of the files of a square.
-fn probe(
-    opened: &Opened,
-    work: &Points,
-    (place, folder): (Spans, &Path),
-    at: At<'_>,
-) -> Result<u64> {
-    Ok(opened.make(work, (place, folder), at.silent())?.bytes)
 }
 
 /// Points that may have to be looked at for squares.

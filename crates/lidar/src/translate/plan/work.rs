@@ -12,7 +12,7 @@ use super::report::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::Near;
 use crate::translate::job::TranslateJob;
 use crate::translate::portion::{Looked, Portion, window};
-use crate::translate::prepared::{prepared, stored};
+use crate::translate::prepared::{carrier, prepared};
 use crate::translate::squares::{self, Spans};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{Cloud, PointSource};
@@ -52,7 +52,7 @@ impl Points {
         let mut method = Method::of(job)?;
         let mut opened = Opened::new(job.clone())?;
         method.found(opened.cloud.files())?;
-        let info = stored(&opened.job, &opened.cloud)?;
+        let info = carrier(&opened.job, &opened.cloud)?.info().clone();
         // Cells are those of the whole cloud.
         method.overlap = job.overlap.map(|cells| cells.over(&info));
         opened.job.overlap = method.overlap;
@@ -169,7 +169,7 @@ impl Work for Points {
         job.resources = beside_polygons(&job.cloud, &resources);
         job.cloud.threads = job.resources.threads;
         let opened = Opened::new(job)?;
-        let info = stored(&opened.job, &opened.cloud)?;
+        let info = carrier(&opened.job, &opened.cloud)?.info().clone();
         let here = Blocks::of(&info, &method.squares, Some(blocks.cut))?;
         refuse_another("cloud", &plan.label, blocks, &here)?;
         Ok(opened.knowing(looked))
