@@ -8,42 +8,38 @@
 //! at least one sample, so the time depends on the picture and not on the grid (a compressed file still
 //! decodes each block that a pixel falls into).
 
+mod drawn;
 mod grid;
 mod mesh;
 mod options;
 mod sheet;
 
+pub(crate) use drawn::DEGREE_METRES;
 pub use options::{
     Exaggeration, ExaggerationSetters, Lighting, LightingSetters, PictureOptions, PictureSetters,
+    ViewJob,
 };
 pub use sheet::{Panel, SheetJob, run_sheet};
 
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::render::{Colours, Coverage, Field, Frame, Light, Painter, Style, natural_exaggeration};
+use crate::render::{Field, Light, Style, natural_exaggeration};
+use drawn::{Drawn, FINENESS};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::input::{self, Surface};
-use terrane_engine::memory::{cache_beside, short};
+use terrane_engine::memory::cache_beside;
+use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::options::GridInput;
+use terrane_engine::outputs::check_ending;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::AtomicFile;
-use terrane_raster::{Inputs, OpenOptions};
-
-/// A picture to draw.
-#[derive(Clone, Debug)]
-pub struct ViewJob {
-    /// Grid files or a mesh, or a synthetic terrain by name.
-    pub input: Inputs,
-    /// PNG file to write.
-    pub output: PathBuf,
-    /// How it is drawn.
-    pub options: PictureOptions,
-}
+use terrane_raster::OpenOptions;
 
 /// What was drawn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -65,29 +61,21 @@ pub struct ViewReport {
     pub run: Figures,
 }
 
-/// A surface ready to be painted.
-struct Drawn {
-    frame: Frame,
-    field: Field,
-    edges: Option<Coverage>,
-    /// The surface's own, if it has any.
-    colours: Option<Colours>,
-}
+impl Operation for PictureOptions {
+    const NAME: &'static str = "picture";
+    type Input = GridInput;
+    const WRITES: Writes = Writes::Picture;
+    type Report = ViewReport;
 
-impl Drawn {
-    fn painter(&self, style: Style) -> Painter<'_> {
-        Painter::new(&self.field, self.edges.as_ref(), style).coloured(self.colours.as_ref())
+    fn check(&self, output: &Path) -> Result<()> {
+        check_ending(output, &["png"], "a picture")
+    }
+
+    fn run(&self, request: Request<'_>) -> Result<ViewReport> {
+        let (input, output) = (request.inputs.clone(), request.output.to_path_buf());
+        run(&ViewJob { input, output, options: self.clone() }, request.progress, request.cancel)
     }
 }
-
-/// Field pixels per picture pixel along each side: smooths outlines and facets.
-const FINENESS: u32 = 2;
-/// Bytes a picture pixel takes at the peak: heights, those of the coarser grid they come from (up
-/// to four for each), edges, and colours.
-const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
-
-/// What it takes more where the surface has colours of its own.
-const COLOUR_BYTES: u64 = 4 * 4;
 
 /// Draws a picture.
 pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ViewReport> {
@@ -113,48 +101,6 @@ fn options(job: &ViewJob) -> Result<OpenOptions> {
     // A part is that of the picture.
     let whole = grid.unbounded();
     whole.options(resources, cache_beside(resources.memory))
-}
-
-/// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
-fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
-    let bounds = job.options.grid.bounds.unwrap_or(data);
-    let apart =
-        bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
-    if apart {
-        let [west, south, east, north] = data;
-        return Err(Error::usage("‹bounds› lies outside the data")
-            .in_file(Path::new(&job.input.to_string()))
-            .remedy(format!("the data reach from {west},{south} to {east},{north}")));
-    }
-    let frame = Frame::fit(bounds, job.options.width, ground_scale(bounds, geographic));
-    within_memory(&frame, PIXEL_BYTES, &job.options.resources)?;
-    Ok(frame)
-}
-
-/// Metres of one degree along a meridian.
-pub(crate) const DEGREE_METRES: f64 = 111_320.0;
-
-/// Ground units per world unit along x and y.
-fn ground_scale([_, south, _, north]: [f64; 4], geographic: bool) -> [f64; 2] {
-    if !geographic {
-        return [1.0, 1.0];
-    }
-    let latitude = ((south + north) / 2.0).clamp(-89.0, 89.0);
-    [DEGREE_METRES * latitude.to_radians().cos(), DEGREE_METRES]
-}
-
-fn within_memory(frame: &Frame, pixel_bytes: u64, resources: &Resources) -> Result<()> {
-    let pixels = u64::from(frame.width) * u64::from(frame.height);
-    let need = pixels * pixel_bytes;
-    if need > resources.memory {
-        let mib = need.div_ceil(1 << 20);
-        let message = format!(
-            "a picture of {} x {} pixels needs {mib} MiB of memory",
-            frame.width, frame.height,
-        );
-        return Err(short(message, need).or("a smaller ‹width›"));
-    }
-    Ok(())
 }
 
 fn paint(
@@ -243,17 +189,4 @@ pub(crate) fn write_png(
     stream.finish().map_err(fail)?;
     writer.finish().map_err(fail)?;
     out.flush().map_err(failed)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn degrees_shrink_towards_the_pole_but_never_vanish() {
-        let [x, y] = ground_scale([0.0, 59.0, 1.0, 61.0], true);
-        assert!((x / y - 0.5).abs() < 1e-9);
-        assert!(ground_scale([0.0, 89.0, 1.0, 91.0], true)[0] > 0.0);
-        assert_eq!(ground_scale([0.0; 4], false), [1.0, 1.0]);
-    }
 }

@@ -1,10 +1,28 @@
 //! Cells to pixels, and the legend below them.
 
+use serde::Serialize;
+use terrane_options::Choice;
+
+use super::map::Map;
 use super::voids::Found;
-use super::{Map, Shows};
 use crate::render::{Field, Tint, class_colour, text_size, write_text};
 use terrane_base::geom::Frame;
 use terrane_cloud::{CloudInfo, class_name};
+
+/// What a picture shows of each cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Choice)]
+#[serde(rename_all = "lowercase")]
+pub enum Shows {
+    /// Points to a unit of area
+    #[default]
+    Density,
+    /// Cells without points, within the convex hull of those with points
+    Voids,
+    /// The height of the highest point
+    Height,
+    /// The class of the highest point
+    Class,
+}
 
 /// Sides of a picture that is not enlarged are longer than half of this.
 const SMALL: usize = 800;
@@ -265,7 +283,6 @@ fn write(text: &str, paper: &mut [[u8; 4]], width: usize, [left, top]: [usize; 2
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::map;
     use super::super::voids::find;
     use super::*;
     use terrane_base::geom::Crs;
@@ -296,7 +313,7 @@ mod tests {
 
     #[test]
     fn cells_have_the_colours_of_what_is_shown() {
-        let map = map(&[&[1, 2, 0], &[0, 0, 9], &[3, 0, 4]]);
+        let map = Map::of_rows(&[&[1, 2, 0], &[0, 0, 9], &[3, 0, 4]]);
         let density = painted(&map, Shows::Density);
         assert_eq!(density[2], CLEAR, "outside");
         assert_eq!(density[4], CLEAR, "a void");

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::Map;
+use super::map::Map;
 
 /// How much is void.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -142,13 +142,12 @@ fn largest(mut open: Vec<bool>, [columns, rows]: [usize; 2]) -> (u64, [[usize; 2
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::map;
     use super::*;
     use proptest::prelude::*;
 
     #[test]
     fn voids_are_within_the_hull_and_the_largest_is_found() {
-        let map = map(&[
+        let map = Map::of_rows(&[
             &[0, 0, 1, 0, 0, 0],
             &[0, 1, 0, 0, 1, 0],
             &[1, 0, 0, 0, 1, 0],
@@ -168,7 +167,7 @@ mod tests {
         assert_eq!((voids.cells, voids.area, voids.largest_area), (6, 6.0, 6.0));
         assert_eq!(voids.largest_bounds, Some([1.0, 1.0, 4.0, 4.0]));
         assert!((voids.share - 6.0 / 16.0).abs() < 1e-12);
-        assert_eq!(find(&super::super::tests::map(&[&[1]])).voids.largest_bounds, None);
+        assert_eq!(find(&Map::of_rows(&[&[1]])).voids.largest_bounds, None);
     }
 
     /// Whether a place is in the hull of others: some two of them lie on either side of every line through it. By all
@@ -198,7 +197,7 @@ mod tests {
         fn the_hull_is_that_of_all_triangles(cells in prop::collection::vec((0usize..9, 0usize..7), 1..9)) {
             let mut rows = vec![vec![0; 9]; 7];
             cells.iter().for_each(|(col, row)| rows[*row][*col] += 1);
-            let map = map(&rows.iter().map(Vec::as_slice).collect::<Vec<_>>());
+            let map = Map::of_rows(&rows.iter().map(Vec::as_slice).collect::<Vec<_>>());
             let found = find(&map);
             let corners: Vec<[i64; 2]> = cells.iter().map(|(c, r)| [*c as i64, *r as i64]).collect();
             for (col, row) in (0..63).map(|i| (i % 9, i / 9)) {

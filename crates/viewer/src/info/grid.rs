@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::details;
 use terrane_engine::input::GridStats;
 use terrane_raster::{GridInfo, Note, notes, notes_on_heights};
 use terrane_terrain::tin::Cost;
@@ -79,7 +78,8 @@ impl GridInfoReport {
             sample_bounds: bounds(info, 0.0),
             bounds: bounds(info, 0.5),
             block: [info.block.0, info.block.1],
-            details: details(&info.details),
+            // Of facts with one name the last stays.
+            details: info.details.iter().cloned().map(|(k, v)| (k, v.into())).collect(),
             notes: all_notes(info, stats.as_ref()),
             stats,
             tin,

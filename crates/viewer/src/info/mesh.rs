@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::details;
 use terrane_base::geom::Point3;
 use terrane_mesh::MeshSource;
 use terrane_verify::QualityReport;
@@ -46,7 +45,8 @@ impl MeshInfoReport {
             origin: info.origin,
             scale: info.scale,
             bounds,
-            details: details(&info.details),
+            // Of facts with one name the last stays.
+            details: info.details.iter().cloned().map(|(k, v)| (k, v.into())).collect(),
             quality,
         }
     }

@@ -252,8 +252,3 @@ impl Inspection for FeaturesInfoOptions {
         features::read(name, &options, progress, cancel)
     }
 }
-
-/// What a format tells of a file besides what all of them tell; of facts with one name the last stays.
-fn details(facts: &[(String, String)]) -> serde_json::Map<String, serde_json::Value> {
-    facts.iter().map(|(name, value)| (name.clone(), value.clone().into())).collect()
-}

@@ -5,8 +5,16 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-use crate::serve::Site;
 use terrane_base::error::{Error, Result};
+
+/// What is served.
+#[derive(Clone, Debug)]
+pub struct Site {
+    /// The HTML file that `/` is.
+    pub page: PathBuf,
+    /// The folder whose files the page asks for.
+    pub folder: Option<PathBuf>,
+}
 
 /// What files are, by the ending of their names. Others are not sent.
 const KINDS: &[(&str, &str)] = &[

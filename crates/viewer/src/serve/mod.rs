@@ -11,7 +11,6 @@ mod request;
 
 use std::io;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, Scope};
 use std::time::Duration;
@@ -19,6 +18,7 @@ use std::time::Duration;
 use clients::Clients;
 use connection::Connection;
 use folder::Folder;
+pub use folder::Site;
 use terrane_base::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -26,15 +26,6 @@ use terrane_base::error::{Error, ErrorKind, Result};
 const GLANCE: Duration = Duration::from_millis(50);
 /// A client's thread holds a block of a file and little more.
 const STACK: usize = 256 << 10;
-
-/// What is served.
-#[derive(Clone, Debug)]
-pub struct Site {
-    /// The HTML file that `/` is.
-    pub page: PathBuf,
-    /// The folder whose files the page asks for.
-    pub folder: Option<PathBuf>,
-}
 
 /// A site that listens.
 #[derive(Debug)]

@@ -5,7 +5,8 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use crate::render::{Field, Frame, average_rows};
-use crate::view::{Drawn, FINENESS, ViewJob, frame};
+use crate::view::drawn::{Drawn, FINENESS, frame};
+use crate::view::options::ViewJob;
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::input::{window_samples, workers};

@@ -1,7 +1,8 @@
 //! A mesh as a field of heights: triangles are streamed and filled in, whatever their number.
 
 use crate::render::{Colours, Coverage, Field, Frame, fill_coloured, fill_triangle};
-use crate::view::{COLOUR_BYTES, Drawn, FINENESS, PIXEL_BYTES, ViewJob, frame, within_memory};
+use crate::view::drawn::{COLOUR_BYTES, Drawn, FINENESS, PIXEL_BYTES, frame, within_memory};
+use crate::view::options::ViewJob;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_engine::input::{is_geographic, mesh_bounds, vertex_count};

@@ -1,16 +1,13 @@
 //! Options of pictures.
 
-use std::path::Path;
+use std::path::PathBuf;
 
 use terrane_options::{Options, Range};
 
-use super::{ViewJob, ViewReport, run};
 use crate::render::MAX_PICTURE_SIDE;
-use terrane_base::error::Result;
 use terrane_engine::Resources;
-use terrane_engine::operation::{Operation, Request, Writes};
 use terrane_engine::options::{Finite, GridInput, Replacing};
-use terrane_engine::outputs::check_ending;
+use terrane_raster::Inputs;
 
 terrane_engine::has_within!(PictureOptions: Lighting => [Exaggeration]);
 
@@ -63,18 +60,13 @@ pub struct PictureOptions {
     pub resources: Resources,
 }
 
-impl Operation for PictureOptions {
-    const NAME: &'static str = "picture";
-    type Input = GridInput;
-    const WRITES: Writes = Writes::Picture;
-    type Report = ViewReport;
-
-    fn check(&self, output: &Path) -> Result<()> {
-        check_ending(output, &["png"], "a picture")
-    }
-
-    fn run(&self, request: Request<'_>) -> Result<ViewReport> {
-        let (input, output) = (request.inputs.clone(), request.output.to_path_buf());
-        run(&ViewJob { input, output, options: self.clone() }, request.progress, request.cancel)
-    }
+/// A picture to draw.
+#[derive(Clone, Debug)]
+pub struct ViewJob {
+    /// Grid files or a mesh, or a synthetic terrain by name.
+    pub input: Inputs,
+    /// PNG file to write.
+    pub output: PathBuf,
+    /// How it is drawn.
+    pub options: PictureOptions,
 }

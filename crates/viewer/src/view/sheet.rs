@@ -1,6 +1,8 @@
 //! Meshes side by side in one picture, each with a few lines of text below it, to compare them.
 
-use super::{Drawn, PIXEL_BYTES, ViewJob, mesh, options, style, write_png};
+use super::drawn::{Drawn, PIXEL_BYTES};
+use super::options::ViewJob;
+use super::{mesh, options, style, write_png};
 use crate::render::{Painter, text_size, write_text};
 use terrane_base::error::{Error, Result};
 use terrane_engine::input::{self, Surface};

@@ -1,0 +1,88 @@
+//! A surface ready to be painted, and the frame of its picture.
+
+use std::path::Path;
+
+use super::options::ViewJob;
+use crate::render::{Colours, Coverage, Field, Frame, Painter, Style};
+use terrane_base::error::{Error, Result};
+use terrane_engine::Resources;
+use terrane_engine::memory::short;
+
+/// A surface ready to be painted.
+pub(super) struct Drawn {
+    pub(super) frame: Frame,
+    pub(super) field: Field,
+    pub(super) edges: Option<Coverage>,
+    /// The surface's own, if it has any.
+    pub(super) colours: Option<Colours>,
+}
+
+impl Drawn {
+    pub(super) fn painter(&self, style: Style) -> Painter<'_> {
+        Painter::new(&self.field, self.edges.as_ref(), style).coloured(self.colours.as_ref())
+    }
+}
+
+/// Field pixels per picture pixel along each side: smooths outlines and facets.
+pub(super) const FINENESS: u32 = 2;
+/// Bytes a picture pixel takes at the peak: heights, those of the coarser grid they come from (up
+/// to four for each), edges, and colours.
+pub(super) const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
+
+/// What it takes more where the surface has colours of its own.
+pub(super) const COLOUR_BYTES: u64 = 4 * 4;
+
+/// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
+pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
+    let bounds = job.options.grid.bounds.unwrap_or(data);
+    let apart =
+        bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
+    if apart {
+        let [west, south, east, north] = data;
+        return Err(Error::usage("‹bounds› lies outside the data")
+            .in_file(Path::new(&job.input.to_string()))
+            .remedy(format!("the data reach from {west},{south} to {east},{north}")));
+    }
+    let frame = Frame::fit(bounds, job.options.width, ground_scale(bounds, geographic));
+    within_memory(&frame, PIXEL_BYTES, &job.options.resources)?;
+    Ok(frame)
+}
+
+/// Metres of one degree along a meridian.
+pub(crate) const DEGREE_METRES: f64 = 111_320.0;
+
+/// Ground units per world unit along x and y.
+fn ground_scale([_, south, _, north]: [f64; 4], geographic: bool) -> [f64; 2] {
+    if !geographic {
+        return [1.0, 1.0];
+    }
+    let latitude = ((south + north) / 2.0).clamp(-89.0, 89.0);
+    [DEGREE_METRES * latitude.to_radians().cos(), DEGREE_METRES]
+}
+
+pub(super) fn within_memory(frame: &Frame, pixel_bytes: u64, resources: &Resources) -> Result<()> {
+    let pixels = u64::from(frame.width) * u64::from(frame.height);
+    let need = pixels * pixel_bytes;
+    if need > resources.memory {
+        let mib = need.div_ceil(1 << 20);
+        let message = format!(
+            "a picture of {} x {} pixels needs {mib} MiB of memory",
+            frame.width, frame.height,
+        );
+        return Err(short(message, need).or("a smaller ‹width›"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn degrees_shrink_towards_the_pole_but_never_vanish() {
+        let [x, y] = ground_scale([0.0, 59.0, 1.0, 61.0], true);
+        assert!((x / y - 0.5).abs() < 1e-9);
+        assert!(ground_scale([0.0, 89.0, 1.0, 91.0], true)[0] > 0.0);
+        assert_eq!(ground_scale([0.0; 4], false), [1.0, 1.0]);
+    }
+}
