@@ -4,13 +4,12 @@
 use std::ops::Range;
 
 use crate::format::{ANGLES, COLOUR, INFRARED, PointFormat, TIME, WAVE};
-use crate::las::{Extra, Move};
+use crate::las::{Extra, Move, OVERLAP_CLASS};
 use terrane_base::geom::Point;
 
 /// Bytes that records begin with in every format: place and intensity.
 const COMMON: usize = 14;
-/// The class that stands for the mark of overlap in formats without it, and that mark.
-const OVERLAP_CLASS: u8 = 12;
+/// The mark of overlap.
 const OVERLAP: u8 = 8;
 
 /// From the records of a file to those of an output.

@@ -11,7 +11,7 @@ use terrane_files::{RawFile, path_of, shown};
 
 use crate::column::{Column, Lines, columns};
 use crate::format::PointFormat;
-use crate::las::{Extra, LASZIP, LasFile, Vlr, extra};
+use crate::las::{Extra, LASZIP, LasFile, OCTREE, PROJECTION, Vlr, extra};
 use crate::member::take_room;
 use crate::open::Cloud;
 use crate::origin::Origin;
@@ -22,9 +22,6 @@ use crate::version::{LasVersion, Packing};
 use crate::write::{Carried, Vlr as Record, WriteOptions};
 pub use seen::{Seen, Sight};
 
-/// Who writes records that tell of reference systems; who writes those of octrees.
-const PROJECTION: &str = "LASF_Projection";
-const OCTREE: &str = "copc";
 /// Numbers of records of [`extra::USER`]: records that are no longer valid, and descriptions of waveforms, which
 /// are followed by one that holds the waveforms themselves.
 const SUPERSEDED: u16 = 7;

@@ -12,7 +12,7 @@ use super::laz::Chunk;
 use super::vlr::Vlr;
 
 /// Who writes the records, and the number of the one that describes the octree.
-const USER: &str = "copc";
+pub(crate) const OCTREE: &str = "copc";
 const INFO: u16 = 1;
 /// Bytes of that record, and of an entry of the hierarchy.
 const INFO_BYTES: u64 = 160;
@@ -46,7 +46,7 @@ struct Root {
 /// # Errors
 /// A hierarchy that does not lie in the file, or does not hold each point once.
 pub(super) fn nodes(file: &RawFile, header: &Header, vlrs: &[Vlr]) -> Result<Option<Vec<Node>>> {
-    let Some(info) = vlrs.first().filter(|vlr| vlr.is(USER, INFO)) else { return Ok(None) };
+    let Some(info) = vlrs.first().filter(|vlr| vlr.is(OCTREE, INFO)) else { return Ok(None) };
     if info.bytes < INFO_BYTES {
         return Err(damaged(format!("its record has {} bytes", info.bytes)));
     }

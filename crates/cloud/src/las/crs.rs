@@ -7,18 +7,18 @@ use terrane_files::RawFile;
 use super::vlr::Vlr;
 
 /// Who writes records of reference systems.
-const USER: &str = "LASF_Projection";
+pub(crate) const PROJECTION: &str = "LASF_Projection";
 /// Well-known text.
-const WKT: u16 = 2112;
+pub(crate) const WKT: u16 = 2112;
 /// GeoKeys with their numbers and texts.
 const KEYS: [u16; 3] = [34_735, 34_736, 34_737];
 /// Bit of the global encoding: the system is given as well-known text.
-const IS_WKT: u16 = 1 << 4;
+pub(crate) const IS_WKT: u16 = 1 << 4;
 
 /// What the records say: the text where the header says so, or where the keys do not tell. Two
 /// definitions are never mixed but for heights, of which text may say nothing and keys something.
 pub(super) fn read(file: &RawFile, vlrs: &[Vlr], encoding: u16) -> Result<Crs> {
-    let data = |id: u16| vlrs.iter().find(|vlr| vlr.is(USER, id)).map(|vlr| vlr.data(file));
+    let data = |id: u16| vlrs.iter().find(|vlr| vlr.is(PROJECTION, id)).map(|vlr| vlr.data(file));
     let text = data(WKT).transpose()?.map_or_else(Crs::default, |bytes| of_text(&bytes));
     let [keys, doubles, ascii] = KEYS.map(data);
     let keys = match keys.transpose()? {

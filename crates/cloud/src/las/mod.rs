@@ -18,10 +18,12 @@ use terrane_base::geom::Crs;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
+pub(super) use self::crs::{IS_WKT, PROJECTION, WKT};
+pub(super) use copc::OCTREE;
 pub(super) use extra::{Extra, Move};
 pub(super) use header::{Header, SIZES};
 pub(super) use read::{Block, Room};
-pub(super) use record::{New, Old, unpacked};
+pub(super) use record::{New, OVERLAP_CLASS, Old, unpacked};
 pub(super) use vlr::Vlr;
 
 use self::laz::{Compressor, Layout};

@@ -28,7 +28,7 @@ impl<'a> New<'a> {
 }
 
 /// The class that stands for the mark of overlap in formats without it.
-const OVERLAP_CLASS: u8 = 12;
+pub(crate) const OVERLAP_CLASS: u8 = 12;
 
 #[inline(always)]
 fn old_flags(bits: u8, class: u8) -> Flags {

@@ -1,11 +1,8 @@
 //! What a file says of its coordinate reference system.
 
 use super::vlr::Vlr;
+use crate::las::{PROJECTION, WKT};
 use terrane_base::geom::Crs;
-
-const USER: &str = "LASF_Projection";
-/// Number of the record that holds well-known text.
-pub(super) const WKT_RECORD: u16 = 2112;
 
 /// Key numbers and values of the OGC GeoTIFF standard 1.1 (19-008r4).
 mod key {
@@ -24,7 +21,7 @@ pub(super) fn records(crs: &Crs, is_new: bool) -> Vec<Vlr> {
     match crs.to_wkt().filter(|_| is_new || keys.is_empty()) {
         Some(text) => {
             let data = [text.as_bytes(), &[0]].concat();
-            vec![Vlr { user: USER.into(), number: WKT_RECORD, about: "OGC WKT".into(), data }]
+            vec![Vlr { user: PROJECTION.into(), number: WKT, about: "OGC WKT".into(), data }]
         }
         None => keys,
     }
@@ -49,7 +46,7 @@ fn keys(crs: &Crs) -> Vec<Vlr> {
     ];
     let present = parts.into_iter().filter(|(_, _, data)| !data.is_empty());
     let vlr = |(number, about, data): (u16, &str, Vec<u8>)| Vlr {
-        user: USER.into(),
+        user: PROJECTION.into(),
         number,
         about: about.into(),
         data,

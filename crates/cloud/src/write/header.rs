@@ -6,13 +6,11 @@ use super::tally::{RETURNS, Tally};
 use super::vlr::{MOST_BYTES, Vlr, text};
 use super::{crs, octree};
 use crate::format::PointFormat;
-use crate::las::SIZES;
+use crate::las::{IS_WKT, SIZES, WKT};
 use crate::version::{LasVersion, Packing};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Frame};
 
-/// Bit of the global encoding: the CRS is well-known text.
-const WKT: u16 = 16;
 /// Bit of the point format that says that points are compressed.
 const COMPRESSED: u8 = 128;
 /// What wrote a file, and where its header says so.
@@ -43,7 +41,7 @@ impl Header {
     pub(super) fn new(options: &WriteOptions, layout: &Layout) -> Result<Self> {
         let (format, version, carried) = (layout.format(), options.version, &options.carried);
         let systems = crs::records(&options.crs, format.is_new());
-        let is_wkt = systems.iter().any(|vlr| vlr.number == crs::WKT_RECORD);
+        let is_wkt = systems.iter().any(|vlr| vlr.number == WKT);
         if version >= LasVersion::V1_5 && !is_wkt && !systems.is_empty() {
             return Err(no_text(&options.crs));
         }
@@ -68,7 +66,7 @@ impl Header {
             is_compressed: layout.packing() != Packing::Plain,
             frame: options.frame,
             encoding: carried.encoding
-                | if is_wkt || version >= LasVersion::V1_5 { WKT } else { 0 },
+                | if is_wkt || version >= LasVersion::V1_5 { IS_WKT } else { 0 },
             time_offset: carried.time_offset,
             source: carried.source,
             system,

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::tally::Tally;
 use super::vlr::Vlr;
+use crate::las::OCTREE;
 
-const USER: &str = "copc";
 const INFO: u16 = 1;
 const HIERARCHY: u16 = 1000;
 /// Bytes of the head of a record behind the points.
@@ -52,7 +52,7 @@ impl Nodes {
             entry
         };
         let data = nodes.into_iter().flat_map(entry).collect();
-        Vlr { user: USER.into(), number: HIERARCHY, about: "EPT hierarchy".into(), data }
+        Vlr { user: OCTREE.into(), number: HIERARCHY, about: "EPT hierarchy".into(), data }
     }
 }
 
@@ -72,5 +72,5 @@ pub(super) fn info(cube: &Cube, tally: &Tally, (behind_at, bytes): (u64, u64)) -
     data.extend([behind_at + HEAD, bytes].iter().flat_map(|number| number.to_le_bytes()));
     data.extend(tally.times().iter().flat_map(|time| time.to_le_bytes()));
     data.resize(data.len() + RESERVED * 8, 0);
-    Vlr { user: USER.into(), number: INFO, about: "COPC info VLR".into(), data }
+    Vlr { user: OCTREE.into(), number: INFO, about: "COPC info VLR".into(), data }
 }
