@@ -1,5 +1,6 @@
 //! Files that lie beside a grid and tell more of it, by name.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use terrane_base::error::Result;
@@ -19,19 +20,19 @@ pub(super) fn small_text(path: &Path, what: &str, most: u64) -> Result<String> {
     Ok(String::from_utf8_lossy(&file.head(most)?).into_owned())
 }
 
+/// `path` with an ending behind its own.
+pub(super) fn behind(path: &Path, ending: &str) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(ending);
+    PathBuf::from(name)
+}
+
 /// The name of what GDAL keeps beside the file at `path`.
 pub(super) fn pam(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".aux.xml");
-    PathBuf::from(name)
+    behind(path, ".aux.xml")
 }
 
 /// The mask file beside `path`, if there is one: its name with ".msk" behind, as GDAL has it.
 pub(super) fn mask(path: &Path) -> Option<PathBuf> {
-    let with = |ending: &str| {
-        let mut name = path.as_os_str().to_owned();
-        name.push(ending);
-        PathBuf::from(name)
-    };
-    [".msk", ".MSK"].map(with).into_iter().find(|path| path.exists())
+    [".msk", ".MSK"].map(|ending| behind(path, ending)).into_iter().find(|path| path.exists())
 }

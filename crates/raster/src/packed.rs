@@ -156,9 +156,7 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
         copy_file(sidecar, &beside::pam(target))?;
     }
     if let Some(mask) = beside::mask(&unpacked).or_else(|| beside::mask(packed)) {
-        let mut name = target.as_os_str().to_owned();
-        name.push(".msk");
-        copy_file(&mask, Path::new(&name))?;
+        copy_file(&mask, &beside::behind(target, ".msk"))?;
     }
     Ok(())
 }

@@ -5,7 +5,6 @@ mod envi;
 mod esri;
 mod header;
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use self::header::Header;
@@ -89,14 +88,9 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSou
 
 /// The header of the data file `path`: `name.ext.hdr` or `name.hdr`.
 pub(super) fn header_beside(path: &Path) -> Option<PathBuf> {
-    let appended = |ending: &str| {
-        let mut name = OsString::from(path);
-        name.push(ending);
-        PathBuf::from(name)
-    };
     let candidates = [
-        appended(".hdr"),
-        appended(".HDR"),
+        beside::behind(path, ".hdr"),
+        beside::behind(path, ".HDR"),
         path.with_extension("hdr"),
         path.with_extension("HDR"),
     ];
