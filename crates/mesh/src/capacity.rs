@@ -2,6 +2,8 @@
 //! batch.
 
 use crate::channels::{Carries, Channel};
+use crate::format::MeshFormat;
+use crate::registry::FORMATS;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// What a format can hold.
@@ -19,39 +21,13 @@ pub struct MeshCapacity {
     pub triangle_bytes: u64,
 }
 
-/// What each format can hold, in the order of the registry: errors name those that would do.
-const ALL: [(&str, MeshCapacity, Carries); 8] = [
-    ("PLY", PLY, Carries::All),
-    ("OBJ", OBJ, Carries::Nothing),
-    ("STL", STL, Carries::Nothing),
-    ("3MF", THREEMF, Carries::Nothing),
-    ("GLB-meshopt", GLB, Carries::Colours),
-    ("GLB", GLB, Carries::Colours),
-    ("LandXML", LANDXML, Carries::Nothing),
-    ("DXF", DXF, Carries::Nothing),
-];
-
-/// Indices are u32.
-pub(super) const PLY: MeshCapacity = capacity([1 << 32, u64::MAX, u64::MAX], 24, 13);
-/// Text has no limit of its own; the bytes are typical ones.
-pub(super) const OBJ: MeshCapacity = capacity([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
-/// The number of triangles is a u32.
-pub(super) const STL: MeshCapacity = capacity([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
-/// Numbers of vertices are below 2^31.
-pub(super) const THREEMF: MeshCapacity = capacity([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
-/// The file's length is a u32, and so is that of what a compressed one is unpacked to.
-pub(super) const GLB: MeshCapacity = capacity([u32::MAX as u64; 3], 12, 12);
-/// Text has no limit of its own; the bytes are typical ones.
-pub(super) const LANDXML: MeshCapacity = capacity([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
-/// Text has no limit of its own; the bytes are typical ones.
-pub(super) const DXF: MeshCapacity = capacity([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
-
-const fn capacity(most: [u64; 3], vertex_bytes: u64, triangle_bytes: u64) -> MeshCapacity {
-    let [vertices, triangles, bytes] = most;
-    MeshCapacity { vertices, triangles, bytes, vertex_bytes, triangle_bytes }
-}
-
 impl MeshCapacity {
+    /// Most vertices, triangles and bytes; bytes of one vertex and of one triangle.
+    pub(super) const fn new(most: [u64; 3], vertex_bytes: u64, triangle_bytes: u64) -> Self {
+        let [vertices, triangles, bytes] = most;
+        Self { vertices, triangles, bytes, vertex_bytes, triangle_bytes }
+    }
+
     /// True when `vertices` and `triangles` fit.
     pub fn holds(&self, vertices: u64, triangles: u64) -> bool {
         self.exceeded(0, vertices, triangles).is_none()
@@ -96,12 +72,10 @@ pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -
     let mesh = format!("{vertices} vertices and {triangles} triangles");
     let message = format!("{name} holds at most {limit}; a mesh of {mesh} or more does not fit");
     let error = Error::new(ErrorKind::CannotWrite, message);
-    let others: Vec<&str> = ALL
-        .iter()
-        .filter(|(other, most, _)| *other != name && most.holds(vertices, triangles))
-        .map(|(other, ..)| *other)
-        .collect();
-    if others.is_empty() { error } else { error.remedy(format!("write {}", others.join(" or "))) }
+    match others(|f| f.name != name && (f.most)().holds(vertices, triangles)) {
+        names if names.is_empty() => error,
+        names => error.remedy(format!("write {names}")),
+    }
 }
 
 /// Fails when the format called `name` has no room for these channels at vertices.
@@ -109,29 +83,23 @@ pub(super) fn check_channels(name: &str, carries: Carries, channels: &[Channel])
     if carries.holds(channels) {
         return Ok(());
     }
-    let others: Vec<&str> = ALL
-        .iter()
-        .filter(|(_, _, carries)| carries.holds(channels))
-        .map(|(other, ..)| *other)
-        .collect();
     let what = match carries {
         Carries::Colours => "colours (three or four bands of 8 bits) at vertices alone",
         _ => "no channels at vertices",
     };
-    Err(Error::usage(format!("{name} holds {what}"))
-        .remedy(format!("write {}", others.join(" or "))))
+    let others = others(|f| f.carries.holds(channels));
+    Err(Error::usage(format!("{name} holds {what}")).remedy(format!("write {others}")))
+}
+
+/// The names of the formats that would do.
+fn others(would_do: impl Fn(&MeshFormat) -> bool) -> String {
+    let names = FORMATS.iter().filter(|format| would_do(format)).map(|format| format.name);
+    names.collect::<Vec<_>>().join(" or ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::FORMATS;
-
-    #[test]
-    fn the_table_says_what_the_formats_say() {
-        let said: Vec<_> = FORMATS.iter().map(|f| (f.name, (f.most)(), f.carries)).collect();
-        assert_eq!(said, ALL);
-    }
 
     #[test]
     fn names_the_limit_and_what_would_do() {

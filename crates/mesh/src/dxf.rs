@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::capacity::{self, MeshCapacity};
+use crate::capacity::MeshCapacity;
 use crate::channels::Carries;
 use crate::format::MeshFormat;
 use crate::input::{Input, Lines, check_range};
@@ -15,6 +15,9 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::Out;
 
+/// Text has no limit of its own; the bytes are typical ones.
+const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
+
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "DXF",
     extensions: &["dxf"],
@@ -25,7 +28,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || capacity::DXF,
+    most: || MOST,
     create,
     open: |path| Ok(Box::new(DxfSource::open(path)?)),
     sniff,
@@ -95,7 +98,7 @@ impl Encoder for DxfEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        capacity::DXF
+        MOST
     }
 
     fn header(&self, _counts: Counts) -> Vec<u8> {

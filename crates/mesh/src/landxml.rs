@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::capacity::{self, MeshCapacity};
+use crate::capacity::MeshCapacity;
 use crate::channels::Carries;
 use crate::format::MeshFormat;
 use crate::input::{Input, check_range};
@@ -18,6 +18,9 @@ use terrane_base::limits;
 use terrane_files::Out;
 use terrane_files::xml::{Part, Tag, escaped};
 
+/// Text has no limit of its own; the bytes are typical ones.
+const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
+
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "LandXML",
     extensions: &["xml", "landxml"],
@@ -28,7 +31,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |crs| unit(crs).map(drop),
-    most: || capacity::LANDXML,
+    most: || MOST,
     create,
     open: |path| Ok(Box::new(Source::open(path)?)),
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
@@ -116,7 +119,7 @@ impl Encoder for LandXmlEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        capacity::LANDXML
+        MOST
     }
 
     fn header(&self, _counts: Counts) -> Vec<u8> {

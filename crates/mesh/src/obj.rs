@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::capacity::{self, MeshCapacity};
+use crate::capacity::MeshCapacity;
 use crate::channels::Carries;
 use crate::format::MeshFormat;
 use crate::input::{Input, Lines, check_range};
@@ -14,6 +14,9 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::Out;
 
+/// Text has no limit of its own; the bytes are typical ones.
+const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
+
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "OBJ",
     extensions: &["obj"],
@@ -24,7 +27,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || capacity::OBJ,
+    most: || MOST,
     create,
     open: |path| Ok(Box::new(ObjSource::open(path)?)),
     sniff,
@@ -58,7 +61,7 @@ impl Encoder for ObjEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        capacity::OBJ
+        MOST
     }
 
     fn header(&self, _counts: Counts) -> Vec<u8> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::capacity::{self, MeshCapacity};
+use crate::capacity::MeshCapacity;
 use crate::channels::{Carries, Channel, ChannelKind};
 use crate::format::MeshFormat;
 use crate::input::{Input, check_corners, check_position, check_range};
@@ -14,6 +14,9 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_files::Out;
 
+/// Indices are u32.
+const MOST: MeshCapacity = MeshCapacity::new([1 << 32, u64::MAX, u64::MAX], 24, 13);
+
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "PLY",
     extensions: &["ply"],
@@ -24,7 +27,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || capacity::PLY,
+    most: || MOST,
     create,
     open: |path| Ok(Box::new(PlySource::open(path)?)),
     sniff: |head| head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n"),
@@ -72,7 +75,7 @@ impl Encoder for PlyEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        capacity::PLY
+        MOST
     }
 
     fn channels(&self) -> &[Channel] {

@@ -9,8 +9,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::registry::offered;
 use terrane_files::format;
 
-/// Every mesh format. A new one is a file in this folder, a line here, and one of what it can hold in
-/// `capacity.rs`. Of two whose endings fit, the first is meant.
+/// Every mesh format. A new one is a file in this folder and a line here. Of two whose endings fit, the first is meant.
 pub const FORMATS: &[MeshFormat] = &[
     ply::FORMAT,
     obj::FORMAT,

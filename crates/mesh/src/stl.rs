@@ -18,6 +18,9 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_files::{Out, folder_for};
 
+/// The number of triangles is a u32.
+const MOST: MeshCapacity = MeshCapacity::new([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
+
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "STL",
     extensions: &["stl"],
@@ -28,7 +31,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: false,
     admits: |_| Ok(()),
-    most: || capacity::STL,
+    most: || MOST,
     create,
     open: |path| Ok(Box::new(StlSource::open(path)?)),
     sniff: |head| head.starts_with(ORIGIN.as_bytes()) || is_ascii(head),
@@ -115,7 +118,7 @@ impl Encoder for StlEncoder {
 
     /// A solid has each triangle twice.
     fn most(&self) -> MeshCapacity {
-        let surface = capacity::STL;
+        let surface = MOST;
         let copies = if self.solid.is_some() { 2 } else { 1 };
         MeshCapacity { triangles: surface.triangles / copies, ..surface }
     }

@@ -11,7 +11,6 @@ mod write;
 use std::path::Path;
 
 use self::layout::{MAGIC, NAME, PACKED_NAME, Packing};
-use crate::capacity;
 use crate::channels::Carries;
 use crate::format::MeshFormat;
 use crate::source::MeshSource;
@@ -27,7 +26,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || capacity::GLB,
+    most: || write::MOST,
     create: |path, header, options| write::create(path, header, options, Packing::None),
     open,
     sniff,

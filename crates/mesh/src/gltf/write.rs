@@ -19,6 +19,9 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::{Out, folder_for};
 
+/// The file's length is a u32, and so is that of what a compressed one is unpacked to.
+pub(super) const MOST: MeshCapacity = MeshCapacity::new([u32::MAX as u64; 3], 12, 12);
+
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
@@ -181,7 +184,7 @@ impl Encoder for GlbEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..capacity::GLB }
+        MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..MOST }
     }
 
     fn channels(&self) -> &[Channel] {

@@ -27,6 +27,9 @@ use terrane_base::geom::Point3;
 use terrane_files::xml::escaped;
 use terrane_files::{Out, folder_for};
 
+/// Numbers of vertices are below 2^31.
+const MOST: MeshCapacity = MeshCapacity::new([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
+
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: NAME,
     extensions: &["3mf"],
@@ -37,7 +40,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: true,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || capacity::THREEMF,
+    most: || MOST,
     create,
     open: |path| Ok(Box::new(read::open(path)?)),
     sniff: |head| head.starts_with(b"PK\x03\x04") && holds(head, CONTENT_TYPES.as_bytes()),
@@ -117,7 +120,7 @@ impl Encoder for Encoder3mf {
 
     /// A solid has each vertex twice.
     fn most(&self) -> MeshCapacity {
-        let surface = capacity::THREEMF;
+        let surface = MOST;
         let copies = if self.walls.is_some() { 2 } else { 1 };
         MeshCapacity { vertices: surface.vertices / copies, ..surface }
     }
@@ -155,8 +158,8 @@ impl Encoder for Encoder3mf {
     fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
         if let Some(walls) = self.walls.take() {
             let vertices = walls.complete(body, tail)?;
-            if vertices > capacity::THREEMF.vertices {
-                let limit = format!("{} vertices", capacity::THREEMF.vertices);
+            if vertices > MOST.vertices {
+                let limit = format!("{} vertices", MOST.vertices);
                 return Err(capacity::too_much(NAME, &limit, vertices, 0));
             }
         }
