@@ -10,11 +10,11 @@ use super::heights::Heights;
 use super::job::GridJob;
 use super::level;
 use super::near::Near;
-use super::neighbours::{self, Surfaces};
+use super::neighbours::{Surfaces, tiling};
 use super::preset::{self, Making, Model, Seen};
 use super::report::{GridReport, GridStage};
 use super::source::{Bands, Finished};
-use crate::points::{Limits, parts_in};
+use crate::points::{Limits, PointStore, parts_in};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
 use terrane_cloud::{self as cloud, Columns, PointSource};
@@ -186,7 +186,7 @@ impl<'a> Maker<'a> {
         }
         let limits = || self.within.map(|near| Limits::new(points, near.window()));
         let store = (memory > 0).then(|| {
-            neighbours::store(points.info(), job.spill_folder(), memory).limited(limits())
+            PointStore::empty(tiling(points.info()), job.spill_folder(), memory).limited(limits())
         });
         let fed = feed.run(store.as_ref(), threads, progress, cancel)?;
         let surfaces = store.map(|store| Surfaces::new(store, points.info().frame));

@@ -1,7 +1,5 @@
 //! Bands that need the points around a cell, not only those in it.
 
-use std::path::Path;
-
 use super::extent::{Extent, Piece};
 use crate::points::{Around, PointStore, Positions, Surface, Tiling};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -18,11 +16,6 @@ pub(crate) struct Surfaces {
     store: PointStore,
     hull: Hull,
     frame: Frame,
-}
-
-/// A store for the points of a cloud, of which about `memory` bytes may be in memory.
-pub(super) fn store(cloud: &CloudInfo, folder: &Path, memory: u64) -> PointStore {
-    PointStore::empty(tiling(cloud), folder, memory)
 }
 
 /// Squares for the points of a cloud.

@@ -26,10 +26,6 @@ pub(super) struct CarriedRecords<'a> {
 }
 
 impl<'a> CarriedRecords<'a> {
-    pub(super) fn new(cloud: &'a Cloud, carrier: &'a Carrier<'a>) -> Self {
-        Self::within(cloud, carrier, None)
-    }
-
     /// Those that lie in a window of the cloud's frame, or all.
     pub(super) fn within(
         cloud: &'a Cloud,

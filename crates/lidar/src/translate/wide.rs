@@ -60,7 +60,7 @@ impl Work<'_> {
     /// What has to be known of the ground of all points, whose noise is noted.
     pub(super) fn look_at_wide(&self, wide: &Wide, noise: Option<&mut Noise>) -> Result<Seen> {
         let carrier = Carrier::new(&wide.cloud, wide.target, self.carrier.heights_at().is_some())?;
-        let wide = CarriedRecords::new(&wide.cloud, &carrier);
+        let wide = CarriedRecords::within(&wide.cloud, &carrier, None);
         let marked = self.mark(&wide)?;
         if let Some((noise, marked)) = noise.zip(marked.as_ref()) {
             noise.wide = Some(marked.noted(None)?);

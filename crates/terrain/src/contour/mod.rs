@@ -45,6 +45,7 @@ use terrane_engine::workers;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{lock, unlocked};
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions};
+use terrane_simplify::{Measure, Threshold};
 use terrane_vector::{self as vector, FeatureSink, VectorFormat, WriteOptions};
 use terrane_window::contour::Levels;
 use tiles::Tiles;
@@ -206,7 +207,10 @@ impl<'a> Work<'a> {
             height: info.height,
             crs: info.crs.label(),
             transformed: operation.map(Transformed::of),
-            tolerance: self.tolerance.map(Tolerance::threshold),
+            tolerance: self.tolerance.map(|own| Threshold {
+                value: own.value,
+                metres: own.measure == Measure::Geographic,
+            }),
             tile: job.options.tile,
             samples: self.samples(),
             samples_per_second: run.rate(self.samples()),

@@ -8,20 +8,14 @@ use terrane_line::cone::cone;
 use terrane_line::topology::{Chains, Kept, Options, open_at, refining, untangle};
 use terrane_line::{Geographic, Located, Metric, Plane, Scratch, Xy, ring};
 use terrane_raster::GridInfo;
-use terrane_simplify::{Length, Measure, Threshold, goal_of};
+use terrane_simplify::{Length, Measure, goal_of};
 use terrane_window::contour::{Line, Lines, Vertex};
 
 /// A tolerance as it is measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerance {
-    measure: Measure,
-    value: f64,
-}
-
-impl Tolerance {
-    pub(super) fn threshold(self) -> Threshold {
-        Threshold { value: self.value, metres: self.measure == Measure::Geographic }
-    }
+    pub(super) measure: Measure,
+    pub(super) value: f64,
 }
 
 /// A length over a grid.
