@@ -34,6 +34,11 @@ impl<P: Copy> FaultReport<P> {
     }
 }
 
+/// What is left out of a report.
+pub(super) fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
 /// What a mesh is held against, and what is found of it alone.
 pub trait Original: Clone + Default + PartialEq + Serialize {
     /// Where a fault is.

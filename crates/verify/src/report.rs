@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::context::Context;
-use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original};
+use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original, is_zero};
 use super::vertices::VertexCounts;
 use terrane_base::bound::Bound;
 use terrane_base::geom::Affine;
@@ -221,10 +221,6 @@ pub(super) fn report(
         area_matches: tally.double_area == i128::from(tally.surface_cells) * DOUBLE_CELL,
     };
     MeshReport::new(of, &found, place)
-}
-
-fn is_zero(count: &u64) -> bool {
-    *count == 0
 }
 
 pub(super) fn place(map: &Affine, at: Position) -> Place {

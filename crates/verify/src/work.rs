@@ -27,7 +27,7 @@ pub(super) struct Work<'a> {
     /// Bytes for one thread.
     pub(super) share: u64,
     /// Bytes that are held beside all that.
-    pub(super) aside: u64,
+    aside: u64,
     /// Where spills go.
     pub(super) folder: PathBuf,
 }

@@ -15,6 +15,7 @@ mod options;
 mod sheet;
 
 pub(crate) use drawn::DEGREE_METRES;
+pub(crate) use grid::grid_bounds;
 pub use options::{
     Exaggeration, ExaggerationSetters, Lighting, LightingSetters, PictureOptions, PictureSetters,
     ViewJob,

@@ -1,6 +1,8 @@
 //! Exact decisions: area, in-circle, and whether a height is further from a triangle's plane than
 //! the tolerance.
 
+use std::ops::{Add, Mul, Sub};
+
 use super::expansion::Expansion;
 use super::triangle::{Position, Triangle};
 
@@ -31,22 +33,15 @@ pub(crate) fn in_circle(a: Position, b: Position, c: Position, d: Position) -> b
     }
     let cells = offsets.map(|o| o.map(|v| v >> Position::FRACTION));
     if most >> Position::FRACTION < 1 << 13 {
-        i128::from(small_determinant(cells)) * sign > 0
+        i128::from(determinant(cells)) * sign > 0
     } else {
         determinant(cells.map(|o| o.map(i128::from))) * sign > 0
     }
 }
 
-/// The in-circle determinant of three offsets from the fourth point, each below 2^13.
-fn small_determinant(o: [[i64; 2]; 3]) -> i64 {
-    let [[ax, ay], [bx, by], [cx, cy]] = o;
-    (ax * ax + ay * ay) * (bx * cy - by * cx)
-        + (bx * bx + by * by) * (cx * ay - cy * ax)
-        + (cx * cx + cy * cy) * (ax * by - ay * bx)
-}
-
-/// The same for offsets below 2^30: below 3 * 2^123.
-fn determinant(o: [[i128; 2]; 3]) -> i128 {
+/// The in-circle determinant of three offsets from the fourth point: each below 2^13 in `i64`, below 2^30 in `i128`,
+/// where it is below 3 * 2^123.
+fn determinant<N: Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N>>(o: [[N; 2]; 3]) -> N {
     let [[ax, ay], [bx, by], [cx, cy]] = o;
     (ax * ax + ay * ay) * (bx * cy - by * cx)
         + (bx * bx + by * by) * (cx * ay - cy * ax)

@@ -2,12 +2,12 @@
 //! the hull, by domain.
 
 use super::context::Context;
-use super::points::{SpreadPoints, position};
+use super::points::SpreadPoints;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_engine::on_cloud::OnCloud;
 use terrane_files::Buckets;
-use terrane_proof::cloud::{Hull, Nearest, Sought, Track, order};
+use terrane_proof::cloud::{Hull, Nearest, Sought, Track, order, position};
 use terrane_proof::{Domain, Layout, Position};
 
 /// Points that are looked through at a time.

@@ -8,14 +8,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::context::Context;
 use super::kept::KeptOn;
-use super::points::{SpreadPoints, position};
+use super::points::SpreadPoints;
 use crate::spread::{MOST_TRIANGLES, Spread};
 use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_proof::cloud::{self, Hull, Part, Track};
+use terrane_proof::cloud::{self, Hull, Part, Track, position};
 use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
 
 /// Divides the lattice so that a domain of average density takes half of a thread's memory at most.

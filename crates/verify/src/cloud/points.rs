@@ -8,8 +8,8 @@ use terrane_base::geom::Point;
 use terrane_cloud::Census;
 use terrane_engine::{FileAt, workers};
 use terrane_files::{Buckets, Writer, lock};
-use terrane_proof::cloud::{Hull, Wrap};
-use terrane_proof::{Layout, Position};
+use terrane_proof::Layout;
+use terrane_proof::cloud::{Hull, Wrap, position};
 
 /// All points, by the domain that owns them, and what is known of them together.
 pub(super) struct SpreadPoints {
@@ -76,9 +76,4 @@ fn place(point: Point, [low, high]: [Point; 2]) -> Result<Point> {
         return Err(Error::new(ErrorKind::Internal, message));
     }
     Ok(Point::new(point.x - low.x, point.y - low.y, point.z))
-}
-
-/// Where a placed point is on the lattice.
-pub(super) fn position(point: Point) -> Position {
-    Position::sample(i64::from(point.x), i64::from(point.y))
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::context::Context;
 use super::kept::KeptOn;
 use super::points::SpreadPoints;
-use crate::found::{FaultReport, Findings, MeshReport, Original, area};
+use crate::found::{FaultReport, Findings, MeshReport, Original, area, is_zero};
 use crate::spread::Spread;
 use terrane_base::error::Result;
 use terrane_cloud::Census;
@@ -169,8 +169,4 @@ pub(super) fn report(
         area_matches: tally.double_area == hull.double_area(),
     };
     Ok(MeshReport::new(of, &found, place))
-}
-
-fn is_zero(count: &u64) -> bool {
-    *count == 0
 }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::view::grid_bounds;
 use terrane_engine::input::GridStats;
 use terrane_raster::{GridInfo, Note, notes, notes_on_heights};
 use terrane_terrain::tin::Cost;
@@ -75,8 +76,8 @@ impl GridInfoReport {
             pixel_is_point: info.pixel_is_point,
             geotransform: map.to_gdal(),
             cell_size: [map.a.hypot(map.d), map.b.hypot(map.e)],
-            sample_bounds: bounds(info, 0.0),
-            bounds: bounds(info, 0.5),
+            sample_bounds: grid_bounds(info, 0.0),
+            bounds: grid_bounds(info, 0.5),
             block: [info.block.0, info.block.1],
             // Of facts with one name the last stays.
             details: info.details.iter().cloned().map(|(k, v)| (k, v.into())).collect(),
@@ -96,15 +97,4 @@ fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<Note> {
         notes_on_heights(info, (samples, stats.valid), range, suspects)
     });
     notes(info).into_iter().chain(on_heights.into_iter().flatten()).collect()
-}
-
-/// World rectangle around the samples, widened by `margin` cells.
-fn bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
-    let (right, bottom) =
-        (f64::from(info.width) - 1.0 + margin, f64::from(info.height) - 1.0 + margin);
-    let corners = [(-margin, -margin), (right, -margin), (-margin, bottom), (right, bottom)];
-    let world = corners.map(|(col, row)| info.transform.apply(col, row));
-    let low = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-    let high = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-    [low(0), low(1), high(0), high(1)]
 }

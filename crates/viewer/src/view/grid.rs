@@ -20,7 +20,7 @@ pub(super) fn draw(
     cancel: &Cancel,
 ) -> Result<Drawn> {
     let info = grid.info();
-    let frame = frame(job, outer_bounds(info), info.crs.geographic == Some(true))?;
+    let frame = frame(job, grid_bounds(info, 0.5), info.crs.geographic == Some(true))?;
     let fine = frame.finer(FINENESS);
     let plan = Plan::new(info, &frame);
     let coarse = plan.read(grid, &job.options.resources, progress, cancel)?;
@@ -29,10 +29,11 @@ pub(super) fn draw(
     Ok(Drawn { frame, field, edges: None, colours: None })
 }
 
-/// World rectangle around all cells: west, south, east, north.
-fn outer_bounds(info: &GridInfo) -> [f64; 4] {
-    let (right, bottom) = (f64::from(info.width) - 0.5, f64::from(info.height) - 0.5);
-    let corners = [(-0.5, -0.5), (right, -0.5), (-0.5, bottom), (right, bottom)];
+/// World rectangle around the samples, widened by `margin` cells: west, south, east, north.
+pub(crate) fn grid_bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
+    let (right, bottom) =
+        (f64::from(info.width) - 1.0 + margin, f64::from(info.height) - 1.0 + margin);
+    let corners = [(-margin, -margin), (right, -margin), (-margin, bottom), (right, bottom)];
     let world = corners.map(|(col, row)| info.transform.apply(col, row));
     let low = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
     let high = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -244,7 +245,7 @@ mod tests {
 
         /// Heights under a picture `width` pixels wide, and how many samples that took.
         fn picture(&self, width: u32) -> (Field, u64) {
-            let frame = Frame::fit(outer_bounds(&self.info), width, [1.0, 1.0]);
+            let frame = Frame::fit(grid_bounds(&self.info, 0.5), width, [1.0, 1.0]);
             let plan = Plan::new(&self.info, &frame);
             let resources = Resources::default();
             let coarse = plan.read(self, &resources, &Silent, &Cancel::default()).unwrap();

@@ -22,7 +22,7 @@ pub use bound::Bound;
 pub use follow::Track;
 pub use hull::{Hull, Wrap};
 pub use nearest::{Nearest, Sought};
-pub use part::{Part, order};
+pub use part::{Part, order, position};
 pub use place::Placer;
 
 use std::mem::size_of;

@@ -35,6 +35,6 @@ pub fn order(point: &Point) -> (i32, i32, i32) {
 }
 
 /// The position of a point, which is of the lattice.
-pub(super) fn position(point: Point) -> Position {
+pub fn position(point: Point) -> Position {
     Position::sample(i64::from(point.x), i64::from(point.y))
 }
