@@ -1,34 +1,44 @@
 //! Contour lines for people.
 
-use crate::cli::shared::{report, system, text};
+use crate::cli::shared::report::Summary;
+use crate::cli::shared::{report, text};
 use terrane_terrain::contour::ContourReport;
 
-/// What was made.
-pub(super) fn summary(r: &ContourReport) -> String {
-    let heights = match (r.lowest, r.highest) {
-        (Some(low), Some(high)) => {
-            let [low, high] = [low, high].map(text::number);
-            format!("{} from {low} to {high}", text::count(r.levels))
+impl Summary for ContourReport {
+    fn summary(&self) -> String {
+        let heights = match (self.lowest, self.highest) {
+            (Some(low), Some(high)) => {
+                let [low, high] = [low, high].map(text::number);
+                format!("{} from {low} to {high}", text::count(self.levels))
+            }
+            _ => "none: no height is crossed".to_owned(),
+        };
+        let lines =
+            format!("{}, {} of them rings", text::count(self.lines), text::count(self.rings));
+        let mut rows = vec![
+            ("grid", format!("{} x {} samples", self.width, self.height)),
+            ("crs", self.crs.clone()),
+            ("levels", heights),
+            ("lines", lines),
+            ("vertices", vertices(self)),
+            ("output", format!("{}, {}", self.format, text::bytes(self.output_bytes))),
+        ];
+        if self.left_out > 0 {
+            let count = text::count(self.left_out);
+            rows.push((
+                "left out",
+                format!("{count} around samples exactly on a level and no area"),
+            ));
         }
-        _ => "none: no height is crossed".to_owned(),
-    };
-    let lines = format!("{}, {} of them rings", text::count(r.lines), text::count(r.rings));
-    let mut rows = vec![
-        ("grid", format!("{} x {} samples", r.width, r.height)),
-        ("crs", r.crs.clone()),
-        ("levels", heights),
-        ("lines", lines),
-        ("vertices", vertices(r)),
-        ("output", format!("{}, {}", r.format, text::bytes(r.output_bytes))),
-    ];
-    if r.left_out > 0 {
-        let count = text::count(r.left_out);
-        rows.push(("left out", format!("{count} around samples exactly on a level and no area")));
+        rows.extend(report::transformed(self.transformed.as_ref()));
+        rows.extend(report::took(
+            &self.run,
+            Some(text::rate(self.samples_per_second, "samples")),
+            "",
+        ));
+        rows.extend(report::notes(&self.notes));
+        format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
     }
-    rows.extend(system::rows(r.transformed.as_ref()));
-    rows.extend(report::took(&r.run, Some(text::rate(r.samples_per_second, "samples")), ""));
-    rows.extend(report::notes(&r.notes));
-    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }
 
 fn vertices(r: &ContourReport) -> String {

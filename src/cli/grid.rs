@@ -1,36 +1,38 @@
 //! Grids of clouds for people.
 
+use crate::cli::shared::report::Summary;
 use crate::cli::shared::{report, text};
 use terrane_lidar::grid::{self, GridReport};
 
-/// A made grid for people.
-pub(super) fn summary(r: &GridReport) -> String {
-    let unit = r.vertical_unit.as_deref().unwrap_or("unit of height unknown");
-    let [width, height] = r.cell.map(text::number);
-    let mut rows = vec![
-        ("points", points(r)),
-        (
-            "grid",
-            format!(
-                "{} x {} cells of {width} x {height}, {}, {unit}",
-                text::count(r.width.into()),
-                text::count(r.height.into()),
-                r.crs
+impl Summary for GridReport {
+    fn summary(&self) -> String {
+        let unit = self.vertical_unit.as_deref().unwrap_or("unit of height unknown");
+        let [width, height] = self.cell.map(text::number);
+        let mut rows = vec![
+            ("points", points(self)),
+            (
+                "grid",
+                format!(
+                    "{} x {} cells of {width} x {height}, {}, {unit}",
+                    text::count(self.width.into()),
+                    text::count(self.height.into()),
+                    self.crs
+                ),
             ),
-        ),
-        ("bands", bands(r)),
-    ];
-    rows.extend(r.water.as_ref().map(|water| ("water", text::water(water))));
-    rows.push((
-        "file",
-        format!("{}, {}, {}", text::bytes(r.output_bytes), r.format, r.sample_type),
-    ));
-    let stage = |s: &grid::GridStage| format!("{} {}", s.name, text::seconds(s.seconds));
-    let stages = r.stages.iter().map(stage).collect::<Vec<_>>().join(", ");
-    let rate = text::rate(r.points_per_second, "points");
-    rows.extend(report::took(&r.run, Some(rate), &stages));
-    rows.extend(report::notes(&r.notes));
-    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+            ("bands", bands(self)),
+        ];
+        rows.extend(self.water.as_ref().map(|water| ("water", text::water(water))));
+        rows.push((
+            "file",
+            format!("{}, {}, {}", text::bytes(self.output_bytes), self.format, self.sample_type),
+        ));
+        let stage = |s: &grid::GridStage| format!("{} {}", s.name, text::seconds(s.seconds));
+        let stages = self.stages.iter().map(stage).collect::<Vec<_>>().join(", ");
+        let rate = text::rate(self.points_per_second, "points");
+        rows.extend(report::took(&self.run, Some(rate), &stages));
+        rows.extend(report::notes(&self.notes));
+        format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
+    }
 }
 
 fn points(r: &GridReport) -> String {
@@ -73,7 +75,7 @@ mod tests {
         report.bands = vec![grid::BandReport { name: "mean".into(), valid: 5 }];
         report.cells = 10;
         (report.run.spilled_bytes, report.run.peak_memory) = (Some(2048), Some(1));
-        let told = summary(&report);
+        let told = report.summary();
         for part in
             ["1,234 read, 34 withheld, 7 outside the grid", "mean (50.00 % of", "2.0 KiB through"]
         {

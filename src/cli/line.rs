@@ -8,7 +8,7 @@ use crate::cli::operation::needed;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report, system, text};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report, text};
 use terrane_base::door::Door;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
@@ -173,7 +173,7 @@ fn summary(r: &LineReport) -> String {
     }
     rows.extend(r.hierarchy.as_ref().map(|own| ("hierarchy", hierarchy(own))));
     rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
-    rows.extend(system::rows(r.transformed.as_ref()));
+    rows.extend(report::transformed(r.transformed.as_ref()));
     rows.extend(report::took(&r.run, None, ""));
     rows.extend(report::notes(&r.notes));
     format!("{}\n{}", r.inputs.join(", "), text::table(&rows))

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use terrane_options::{Field, Options, Rule, Table, check_given, set_texts, to_map};
 
 use crate::cli::shared::many::Many;
+use crate::cli::shared::report::Summary;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report};
@@ -20,88 +21,14 @@ use terrane_engine::options::{CloudInput, FeatureInput, GridInput, Replacing};
 use terrane_engine::sift::{Sifted, Skipped};
 use terrane_files::atomic;
 use terrane_files::{is_made, path_of};
-use terrane_lidar::cloud_tin::CloudTinReport;
-use terrane_lidar::grid::GridReport;
-use terrane_lidar::translate::TranslateReport;
 use terrane_raster as raster;
 use terrane_raster::Inputs;
-use terrane_terrain::contour::ContourReport;
 use terrane_terrain::convert::ConvertReport;
-use terrane_terrain::tin::TinReport;
-use terrane_tiles::TilesReport;
 use terrane_vector as vector;
-use terrane_viewer::page::PageReport;
-use terrane_viewer::view::ViewReport;
-
-/// A report for people.
-pub(super) trait Summary: serde::Serialize {
-    fn summary(&self) -> String;
-
-    /// What was asked for and is not so.
-    fn unmet(&self) -> Option<String> {
-        None
-    }
-}
 
 impl Summary for ConvertReport {
     fn summary(&self) -> String {
         report::plain(self)
-    }
-}
-
-impl Summary for ContourReport {
-    fn summary(&self) -> String {
-        super::contour::summary(self)
-    }
-}
-
-impl Summary for GridReport {
-    fn summary(&self) -> String {
-        super::grid::summary(self)
-    }
-}
-
-impl Summary for TinReport {
-    fn summary(&self) -> String {
-        super::tin::summary(self)
-    }
-
-    fn unmet(&self) -> Option<String> {
-        self.unmet()
-    }
-}
-
-impl Summary for CloudTinReport {
-    fn summary(&self) -> String {
-        super::tin::cloud_summary(self)
-    }
-
-    fn unmet(&self) -> Option<String> {
-        self.unmet()
-    }
-}
-
-impl Summary for TilesReport {
-    fn summary(&self) -> String {
-        super::tiles::summary(self)
-    }
-}
-
-impl Summary for ViewReport {
-    fn summary(&self) -> String {
-        super::view::summary(self)
-    }
-}
-
-impl Summary for PageReport {
-    fn summary(&self) -> String {
-        super::view::page_summary(self)
-    }
-}
-
-impl Summary for TranslateReport {
-    fn summary(&self) -> String {
-        super::points::summary(self)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Points that were written, for people.
 
-use crate::cli::shared::{points, report, system, text};
+use crate::cli::shared::report::Summary;
+use crate::cli::shared::{points, report, text};
 use terrane_lidar::translate::TranslateReport;
 use terrane_lidar::translate::plan::PointsWritten;
 
@@ -12,14 +13,17 @@ pub(super) fn by_plan(written: PointsWritten) -> String {
     format!("{} -> {}\n{}", report.input, report.output, text::table(&rows))
 }
 
-/// What was written.
-pub(super) fn summary(r: &TranslateReport) -> String {
-    let mut rows = facts(r);
-    rows.extend(system::rows(r.transformed.as_ref()).filter(|(name, _)| *name == "operation"));
-    let rate = r.points_per_second.map(|rate| text::rate(rate, "points"));
-    rows.extend(report::took(&r.run, rate, ""));
-    rows.extend(report::notes(&r.notes));
-    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+impl Summary for TranslateReport {
+    fn summary(&self) -> String {
+        let mut rows = facts(self);
+        rows.extend(
+            report::transformed(self.transformed.as_ref()).filter(|(name, _)| *name == "operation"),
+        );
+        let rate = self.points_per_second.map(|rate| text::rate(rate, "points"));
+        rows.extend(report::took(&self.run, rate, ""));
+        rows.extend(report::notes(&self.notes));
+        format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
+    }
 }
 
 fn facts(r: &TranslateReport) -> Vec<report::Row> {

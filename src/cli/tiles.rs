@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::cli::operation::{self, Frame};
 use crate::cli::shared::many::Many;
+use crate::cli::shared::report::Summary;
 use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, report, text};
@@ -84,25 +85,27 @@ impl Verb for Args {
     }
 }
 
-pub(super) fn summary(r: &TilesReport) -> String {
-    let mut rows = vec![
-        ("system", r.crs.clone()),
-        ("samples", text::count(r.samples)),
-        ("tiles", format!("{}, {}", text::count(r.tiles), text::bytes(r.output_bytes))),
-    ];
-    rows.extend(report::took(&r.run, None, ""));
-    rows.extend(report::notes(&r.notes));
-    let heading = "level     tiles  triangles       bytes   error, m  of allowed";
-    let level = |l: &terrane_tiles::LevelReport| {
-        format!(
-            "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",
-            l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance
-        )
-    };
-    let sets = r.levels.chunk_by(|a, b| a.format == b.format).map(|of_set| {
-        let levels: Vec<String> = of_set.iter().map(level).collect();
-        format!("{}\n{heading}\n{}", of_set[0].format, levels.join("\n"))
-    });
-    let sets: Vec<String> = sets.collect();
-    format!("{} -> {}\n{}\n{}", r.input, r.output, text::table(&rows), sets.join("\n"))
+impl Summary for TilesReport {
+    fn summary(&self) -> String {
+        let mut rows = vec![
+            ("system", self.crs.clone()),
+            ("samples", text::count(self.samples)),
+            ("tiles", format!("{}, {}", text::count(self.tiles), text::bytes(self.output_bytes))),
+        ];
+        rows.extend(report::took(&self.run, None, ""));
+        rows.extend(report::notes(&self.notes));
+        let heading = "level     tiles  triangles       bytes   error, m  of allowed";
+        let level = |l: &terrane_tiles::LevelReport| {
+            format!(
+                "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",
+                l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance
+            )
+        };
+        let sets = self.levels.chunk_by(|a, b| a.format == b.format).map(|of_set| {
+            let levels: Vec<String> = of_set.iter().map(level).collect();
+            format!("{}\n{heading}\n{}", of_set[0].format, levels.join("\n"))
+        });
+        let sets: Vec<String> = sets.collect();
+        format!("{} -> {}\n{}\n{}", self.input, self.output, text::table(&rows), sets.join("\n"))
+    }
 }

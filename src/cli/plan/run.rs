@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::plan::status;
+use crate::cli::shared::report::Summary;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, say, text};
-use crate::cli::{grid, points, tiles, tin};
+use crate::cli::{points, tin};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::Divisible;
@@ -120,7 +121,7 @@ impl How {
 
 fn tiles_summary(r: &RunReport<TilesRun>) -> String {
     let made = format!("{} tiles", text::count(r.of.made_tiles));
-    told(r, &rows(r, made, None), r.of.tiles.as_ref().map(tiles::summary))
+    told(r, &rows(r, made, None), r.of.tiles.as_ref().map(Summary::summary))
 }
 
 fn points_summary(r: &RunReport<SquareRun>) -> String {
@@ -130,7 +131,7 @@ fn points_summary(r: &RunReport<SquareRun>) -> String {
 
 fn cloud_summary(r: &RunReport<PointRun>) -> String {
     let made = format!("{} vertices chosen", text::count(r.of.vertices));
-    told(r, &rows(r, made, None), r.of.mesh.as_ref().map(tin::cloud_summary))
+    told(r, &rows(r, made, None), r.of.mesh.as_ref().map(Summary::summary))
 }
 
 fn grid_summary(r: &RunReport<CellRun>) -> String {
@@ -139,13 +140,13 @@ fn grid_summary(r: &RunReport<CellRun>) -> String {
     if let (Some(path), None) = (&r.of.written, &r.of.grid) {
         rows.push(("grid", format!("{path}, written before")));
     }
-    told(r, &rows, r.of.grid.as_ref().map(grid::summary))
+    told(r, &rows, r.of.grid.as_ref().map(Summary::summary))
 }
 
 fn summary(r: &RunReport<MeshRun>) -> String {
     let made = format!("{} samples", text::count(r.of.made_samples));
     let rows = rows(r, made, Some(tin::stages(&r.of.stages)));
-    told(r, &rows, r.of.mesh.as_ref().map(tin::summary))
+    told(r, &rows, r.of.mesh.as_ref().map(Summary::summary))
 }
 
 /// What a run of any plan did; `made` of what, and the time of its stages in threads.

@@ -11,7 +11,6 @@ pub(crate) mod points;
 mod progress;
 pub(crate) mod report;
 pub(crate) mod say;
-pub(crate) mod system;
 pub(crate) mod tabled;
 pub(crate) mod text;
 pub(crate) mod union;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::shared::{say, system, text};
+use crate::cli::shared::{say, text};
 use terrane_base::error::{Error, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::sift::Skipped;
@@ -26,6 +26,16 @@ pub(crate) fn write(path: &Path, overwrite: bool, report: &impl Serialize) -> Re
     let mut file = AtomicFile::create(path, overwrite)?;
     file.write_all(say::pretty(report)?.as_bytes()).map_err(|e| Error::write(path, e))?;
     file.commit().map(drop)
+}
+
+/// A report for people.
+pub(crate) trait Summary: serde::Serialize {
+    fn summary(&self) -> String;
+
+    /// What was asked for and is not so.
+    fn unmet(&self) -> Option<String> {
+        None
+    }
 }
 
 /// A row of a table.
@@ -66,10 +76,22 @@ pub(crate) fn plain(report: &impl Serialize) -> String {
         rows.push(("water".to_owned(), text::water(&water)));
     }
     let done = serde_json::from_value::<Transformed>(told["transformed"].clone()).ok();
-    rows.extend(system::rows(done.as_ref()).map(|(key, value)| (key.to_owned(), value)));
+    rows.extend(transformed(done.as_ref()).map(|(key, value)| (key.to_owned(), value)));
     let notes = told["notes"].as_array().into_iter().flatten();
     rows.extend(
         notes.map(|note| ("note".to_owned(), note.as_str().unwrap_or_default().to_owned())),
     );
     format!("{title}\n{}", text::table(&rows))
+}
+
+/// What was done to positions, for people.
+pub(crate) fn transformed(done: Option<&Transformed>) -> impl Iterator<Item = Row> {
+    done.into_iter().flat_map(|done| {
+        let accuracy = match done.accuracy {
+            Some(0.0) => String::new(),
+            Some(metres) => format!(", right to {} m", text::number(metres)),
+            None => ", how right is not known".to_owned(),
+        };
+        [("written in", done.crs.clone()), ("operation", format!("{}{accuracy}", done.operation))]
+    })
 }

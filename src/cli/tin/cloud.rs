@@ -1,27 +1,34 @@
 //! Reports of meshes of clouds, for people.
 
+use crate::cli::shared::report::Summary;
 use crate::cli::shared::{points, report, text};
 use crate::cli::tin::told::{errors, stages};
 use terrane_lidar::cloud_tin::CloudTinReport;
 
-/// A made mesh for people.
-pub(crate) fn summary(r: &CloudTinReport) -> String {
-    let share = format!("{}, {} of the points", text::count(r.vertices), text::percent(r.kept));
-    let mut rows = vec![
-        ("points", points(r)),
-        ("vertices", share),
-        ("triangles", text::count(r.triangles)),
-        ("max error", errors(r.max_error, r.tolerance, r.rmse, &r.vertical_unit)),
-        ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
-    ];
-    rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "cloud"))));
-    let lines = r.breaklines.as_ref();
-    rows.extend(lines.map(|lines| ("breaklines", text::breaklines(lines, "cloud"))));
-    rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
-    let rate = text::rate(r.points_per_second, "points");
-    rows.extend(report::took(&r.run, Some(rate), &stages(&r.stages)));
-    rows.extend(report::notes(&r.notes));
-    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+impl Summary for CloudTinReport {
+    fn summary(&self) -> String {
+        let share =
+            format!("{}, {} of the points", text::count(self.vertices), text::percent(self.kept));
+        let mut rows = vec![
+            ("points", points(self)),
+            ("vertices", share),
+            ("triangles", text::count(self.triangles)),
+            ("max error", errors(self.max_error, self.tolerance, self.rmse, &self.vertical_unit)),
+            ("file", format!("{}, {}", text::bytes(self.output_bytes), self.format)),
+        ];
+        rows.extend(self.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "cloud"))));
+        let lines = self.breaklines.as_ref();
+        rows.extend(lines.map(|lines| ("breaklines", text::breaklines(lines, "cloud"))));
+        rows.extend(self.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
+        let rate = text::rate(self.points_per_second, "points");
+        rows.extend(report::took(&self.run, Some(rate), &stages(&self.stages)));
+        rows.extend(report::notes(&self.notes));
+        format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
+    }
+
+    fn unmet(&self) -> Option<String> {
+        self.unmet()
+    }
 }
 
 fn points(r: &CloudTinReport) -> String {

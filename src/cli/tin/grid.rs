@@ -1,49 +1,65 @@
 //! Reports of meshes of grids, for people.
 
-use crate::cli::shared::{report, system, text};
+use crate::cli::shared::report::Summary;
+use crate::cli::shared::{report, text};
 use crate::cli::tin::told::{errors, stages};
 use terrane_raster::undeclared_nodata;
 use terrane_terrain::tin::{GREEDY, TinReport};
 
-/// A made mesh for people.
-pub(crate) fn summary(r: &TinReport) -> String {
-    let mut rows = vec![
-        (
-            "grid",
-            format!(
-                "{} x {}, {}",
-                text::count(r.width.into()),
-                text::count(r.height.into()),
-                r.crs
+impl Summary for TinReport {
+    fn summary(&self) -> String {
+        let mut rows = vec![
+            (
+                "grid",
+                format!(
+                    "{} x {}, {}",
+                    text::count(self.width.into()),
+                    text::count(self.height.into()),
+                    self.crs
+                ),
             ),
-        ),
-        ("samples", samples(r)),
-        (
-            "vertices",
-            format!("{}, {} of the valid samples", text::count(r.vertices), text::percent(r.kept)),
-        ),
-        ("triangles", text::count(r.triangles)),
-        ("max error", errors(r.max_error, r.tolerance, r.rmse, &r.vertical_unit)),
-        ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
-    ];
-    rows.extend(r.bands.iter().map(|band| ("band", text::band(band))));
-    rows.extend(method(r).map(|method| ("method", method)));
-    rows.extend(r.min_angle.zip(r.thin_triangles).map(|(least, thin)| {
-        let held = if thin.count == 0 { "held by all" } else { "missed by some" };
-        ("min angle", format!("{least} degrees, {held}"))
-    }));
-    rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "grid"))));
-    rows.extend(r.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines, "grid"))));
-    rows.extend(r.water.as_ref().map(|water| ("water", text::water(water))));
-    rows.extend(system::rows(r.transformed.as_ref()));
-    rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
-    if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
-        rows.push(("warning", undeclared_nodata(count, value)));
+            ("samples", samples(self)),
+            (
+                "vertices",
+                format!(
+                    "{}, {} of the valid samples",
+                    text::count(self.vertices),
+                    text::percent(self.kept)
+                ),
+            ),
+            ("triangles", text::count(self.triangles)),
+            ("max error", errors(self.max_error, self.tolerance, self.rmse, &self.vertical_unit)),
+            ("file", format!("{}, {}", text::bytes(self.output_bytes), self.format)),
+        ];
+        rows.extend(self.bands.iter().map(|band| ("band", text::band(band))));
+        rows.extend(method(self).map(|method| ("method", method)));
+        rows.extend(self.min_angle.zip(self.thin_triangles).map(|(least, thin)| {
+            let held = if thin.count == 0 { "held by all" } else { "missed by some" };
+            ("min angle", format!("{least} degrees, {held}"))
+        }));
+        rows.extend(self.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "grid"))));
+        rows.extend(
+            self.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines, "grid"))),
+        );
+        rows.extend(self.water.as_ref().map(|water| ("water", text::water(water))));
+        rows.extend(report::transformed(self.transformed.as_ref()));
+        rows.extend(self.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
+        if let (Some(value), Some(count)) = (self.suspected_nodata, self.suspected_samples) {
+            rows.push(("warning", undeclared_nodata(count, value)));
+        }
+        let rate = text::rate(self.samples_per_second, "samples");
+        rows.extend(report::took(
+            &self.run,
+            Some(rate),
+            &format!("in threads: {}", stages(&self.stages)),
+        ));
+        rows.extend(report::notes(&self.notes));
+        format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
     }
-    let rate = text::rate(r.samples_per_second, "samples");
-    rows.extend(report::took(&r.run, Some(rate), &format!("in threads: {}", stages(&r.stages))));
-    rows.extend(report::notes(&r.notes));
-    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+
+    fn unmet(&self) -> Option<String> {
+        self.unmet()
+    }
 }
 
 /// The method, where there is something to say of it.
@@ -93,7 +109,7 @@ mod tests {
         report.suspected_samples = Some(7);
         (report.run.threads, report.run.peak_memory) = (2, Some(1 << 20));
         report.notes = vec!["first".into(), "second".into()];
-        let text = summary(&report);
+        let text = report.summary();
         for part in [
             "1,201 x 643",
             "243 void",

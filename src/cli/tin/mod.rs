@@ -4,14 +4,13 @@ mod cloud;
 mod grid;
 mod told;
 
-pub(crate) use cloud::summary as cloud_summary;
-pub(crate) use grid::summary;
 pub(crate) use told::{Told, stages};
 
 use std::path::PathBuf;
 
-use crate::cli::operation::{Frame, Made, Summary, is_replacing, make};
+use crate::cli::operation::{Frame, Made, is_replacing, make};
 use crate::cli::shared::many::Many;
+use crate::cli::shared::report::Summary;
 use crate::cli::shared::union::{Kind, Kinds, Union};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names};

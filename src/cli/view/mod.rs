@@ -3,8 +3,6 @@
 mod serve;
 mod told;
 
-pub(super) use told::{page_summary, summary};
-
 use std::path::{Path, PathBuf};
 
 use crate::cli::operation::{self, Frame, Source};

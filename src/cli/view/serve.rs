@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Args, page_summary};
+use super::Args;
+use crate::cli::shared::report::Summary;
 use crate::cli::shared::verb::Call;
 use crate::cli::shared::{Outcome, report, text};
 use terrane_base::error::{Error, Result};
@@ -46,7 +47,7 @@ impl Args {
             page: report::WithSkipped { report: &made, skipped: &skipped },
         };
         self.show.tell(&told, || {
-            format!("{}{}", page_summary(&made), text::table(&[("until", "Ctrl-C".to_owned())]))
+            format!("{}{}", made.summary(), text::table(&[("until", "Ctrl-C".to_owned())]))
         })?;
         server.run(call.cancel);
         Ok(Outcome::Kept)
