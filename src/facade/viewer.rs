@@ -1,4 +1,4 @@
-//! Pictures and pages of data, and what is known of it.
+//! Pictures, pages and reports of data.
 
 use terrane_engine::operation::Job;
 use terrane_viewer::info::{

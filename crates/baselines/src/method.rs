@@ -1,4 +1,4 @@
-//! What a method is.
+//! A method of the textbooks: an entry of the registry.
 
 use crate::result::Tin;
 use crate::task::Task;

@@ -1,4 +1,4 @@
-//! What is known of a file of a cloud beside its points.
+//! Facts of a file of a cloud beside its points.
 
 use super::column::{Column, TIME, columns};
 use super::format::PointFormat;

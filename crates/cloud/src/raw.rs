@@ -1,4 +1,4 @@
-//! A point as its file has it, and the marks that it may bear.
+//! A point as stored in a file, and its flags.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Sources of points, whatever is behind them: what each tells and hands on.
+//! Sources of points: files, mosaics of files, points in memory, synthetic clouds.
 
 use serde::{Deserialize, Serialize};
 

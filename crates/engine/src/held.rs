@@ -1,4 +1,4 @@
-//! Files that are held whole, each in a small part of the memory: grids of shifts, and geoids.
+//! Files read whole into a small part of the memory: grids of shifts, and geoids.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! How far a job is, as it tells who watches it.
+//! Progress of a job, reported to a watcher.
 
 use terrane_cloud::PointSource;
 

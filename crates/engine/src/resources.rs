@@ -1,4 +1,4 @@
-//! What a job may use: memory, threads and a folder for temporary files.
+//! Resources of a job: memory, threads and a folder for temporary files.
 
 use crate::options::{Bytes, FileName};
 use terrane_files::{cores, physical_memory, proc_bytes};

@@ -1,6 +1,6 @@
 //! XML read as a stream: start tags, texts, ends. No document type, no entity but the five of XML itself, and limits on
-//! depth and on the bytes of a part. What is passed over must be well-formed, too: a document damaged anywhere may be
-//! damaged in what is used.
+//! depth and on the bytes of a part. Skipped elements must be well-formed, too: a document damaged anywhere may be damaged in the
+//! elements that are used.
 
 use std::io::{self, BufRead, Read};
 
@@ -41,7 +41,7 @@ pub enum Part {
     Over,
 }
 
-/// The start of an element.
+/// The start tag of an element.
 pub struct Tag(BytesStart<'static>);
 
 impl Tag {
@@ -58,7 +58,7 @@ impl Tag {
     /// Its attributes, names with their prefixes.
     ///
     /// # Errors
-    /// References to entities that there are not; too many attributes.
+    /// References to unknown entities; too many attributes.
     pub fn attributes(&self) -> Result<Vec<(&str, String)>> {
         let mut found = Vec::new();
         // Repeated names were looked for.
@@ -113,7 +113,7 @@ impl<R: BufRead> Xml<R> {
     /// The next part.
     ///
     /// # Errors
-    /// Text that is no well-formed XML; a document type, an entity; a limit.
+    /// Text that is not well-formed XML; a document type, an unknown entity; a limit exceeded.
     #[expect(clippy::should_implement_trait, reason = "an iterator has no errors of its own")]
     pub fn next(&mut self) -> Result<Part> {
         loop {
@@ -214,14 +214,14 @@ fn check_tag(start: &str) -> Result<()> {
     if is_sound && is_once { Ok(()) } else { Err(damaged()) }
 }
 
-/// Whether a text may be a name: what is beyond ASCII is taken to be letters.
+/// Whether a text may be a name: characters beyond ASCII count as letters.
 fn is_name(name: &str) -> bool {
     let is_letter = |c: u8| c.is_ascii_alphabetic() || matches!(c, b'_' | b':' | 0x80..);
     name.bytes().next().is_some_and(is_letter)
         && name.bytes().all(|c| is_letter(c) || c.is_ascii_digit() || matches!(c, b'-' | b'.'))
 }
 
-/// Fails where a text holds characters that XML has not.
+/// Fails for characters that are not allowed in XML.
 fn check_text(text: &str) -> Result<()> {
     let is_none = |c: char| {
         c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
@@ -251,7 +251,7 @@ fn no_document_type() -> Error {
     Error::unsupported("a document type (DTD) is not supported").remedy("take it out of the file")
 }
 
-/// Why a part was not read: it is too long, no text, or no XML.
+/// The error of a part that is too long, not UTF-8, or not XML.
 fn failed(error: &quick_xml::Error) -> Error {
     match error {
         quick_xml::Error::Io(e) if e.kind() == io::ErrorKind::FileTooLarge => {
@@ -273,7 +273,7 @@ pub fn escaped(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '&' => out.push_str("&amp;"),
             '"' => out.push_str("&quot;"),
-            // XML has no others of these, and no way to write them.
+            // XML 1.0 has no way to write them.
             c if c.is_control() => out.push('?'),
             c => out.push(c),
         }
@@ -281,7 +281,7 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// Fails where one part takes more bytes than any would.
+/// Fails when one part takes more than [`MAX_PART_BYTES`].
 struct Guard<R> {
     inner: R,
     left: u64,

@@ -1,4 +1,4 @@
-//! What a format of meshes is: its name, what it can hold, how a file is started and opened.
+//! A mesh format: an entry of the registry.
 
 use std::path::Path;
 

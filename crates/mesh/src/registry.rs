@@ -1,4 +1,4 @@
-//! The registry: every format of meshes, and how the format of a file is found.
+//! The registry of mesh formats, and the search for the format of a file.
 
 use std::path::Path;
 

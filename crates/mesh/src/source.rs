@@ -1,4 +1,4 @@
-//! What reads a mesh file of any format, and what the file says of itself.
+//! Readers of mesh files, and the metadata of a mesh file.
 
 use crate::promises::{Promises, is_mark, line};
 use terrane_base::error::{Error, Result};

@@ -1,4 +1,4 @@
-//! Files that lie beside a grid and tell more of it, by name.
+//! Sidecar files of a grid, by name.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

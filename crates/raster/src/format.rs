@@ -1,4 +1,4 @@
-//! What a format of grids that are read is, and how a grid is opened.
+//! A grid format for reading: an entry of the registry; options of opening.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What a grid is: its samples, its place, and how its heights are read.
+//! A grid source: its samples, its georeference, and the reading of its heights.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! The registry: every format that is read, and how the format of a file is found.
+//! The registry of grid formats for reading, and the search for the format of a file.
 
 use std::fs::File;
 use std::io::Read;

@@ -1,4 +1,4 @@
-//! XML as VRTs and sidecars need it: elements one by one, or a branch of them at once.
+//! XML of VRTs and sidecars: elements one by one, or a branch of them at once.
 
 use std::io::BufRead;
 

@@ -1,4 +1,4 @@
-//! What is asked of a simplification of lines.
+//! A line simplification job.
 
 use std::path::PathBuf;
 

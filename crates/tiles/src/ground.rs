@@ -1,4 +1,4 @@
-//! What is known of a grid once all of it was looked at, and the levels that are made of it.
+//! A grid after the first pass over it, and the levels of its tiles.
 
 use super::format::Format;
 use super::job::TilesJob;

@@ -1,4 +1,4 @@
-//! A job of tiles: of which grid, where to, and what they hold.
+//! A tiles job: its grid, its output, and the content of the tiles.
 
 use std::path::PathBuf;
 

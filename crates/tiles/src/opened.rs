@@ -1,4 +1,4 @@
-//! A grid that is opened, and how the work on it is divided.
+//! An open grid, and the division of the work on it.
 
 use std::path::PathBuf;
 use std::sync::Arc;

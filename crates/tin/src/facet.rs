@@ -1,4 +1,4 @@
-//! A triangle with heights: its plane, its edges, and where its samples are.
+//! A triangle with heights: its plane, its edges, and the samples in it.
 
 use super::field::Level;
 use super::local::Local;

@@ -1,4 +1,4 @@
-//! What a tile or patch has to reach, what it is made from, and what is made of it.
+//! The specification of a tile or patch, its input and its result.
 
 use super::angles::AngleBound;
 use super::breaklines::Stretch;

@@ -1,4 +1,4 @@
-//! What a format of files of features is: its name, what it holds, how it is opened and started.
+//! A vector format: an entry of the registry.
 
 use std::path::Path;
 

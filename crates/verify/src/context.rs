@@ -1,4 +1,4 @@
-//! What every pass over a mesh and its grid knows: both, and what the mesh is held to.
+//! The context of every pass over a mesh and its grid.
 
 use super::stated::is_delaunay;
 use super::work::Work;

@@ -1,4 +1,4 @@
-//! Proves a mesh of a file against the grid that it was made from.
+//! The proof of a mesh file against its grid.
 
 use std::path::Path;
 

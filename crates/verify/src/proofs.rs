@@ -1,4 +1,4 @@
-//! Proofs by their options: which job each of them runs.
+//! Proofs by their options.
 
 use super::cloud::{CloudVerifyReport, verify_cloud};
 use super::lines::{LineVerifyReport, verify_lines};

@@ -1,4 +1,4 @@
-//! What a mesh states of itself, and files that it names.
+//! Promises stated by a mesh file, and files named by it.
 
 use std::path::Path;
 

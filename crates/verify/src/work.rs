@@ -1,4 +1,4 @@
-//! What a proof works with: a mesh, threads, and memory as they share it.
+//! Resources of a proof: its mesh, its threads, and their memory.
 
 use std::path::PathBuf;
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! A compressed chunk, the streams in it, and what can be wrong with them.
+//! A compressed chunk, its streams, and its possible damage.
 
 use std::fmt;
 

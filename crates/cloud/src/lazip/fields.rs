@@ -1,4 +1,4 @@
-//! Fields of points, and which of them are wanted.
+//! Fields of points, and the choice of those that are decoded.
 
 use super::point::Point;
 

@@ -1,4 +1,4 @@
-//! What a file is to be.
+//! Options of a point file to be written.
 
 use super::octree::Cube;
 use super::vlr::Vlr;

@@ -1,4 +1,4 @@
-//! Variable length records, as they stand in a file.
+//! Variable length records as stored in a file.
 
 /// Most bytes of a record before the points.
 pub(super) const MOST_BYTES: usize = u16::MAX as usize;

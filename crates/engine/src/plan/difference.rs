@@ -1,4 +1,4 @@
-//! In what two things differ, as a line for people.
+//! The difference between two values of JSON, as a line for people.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Notes in the folder of a plan: small files of JSON, and the paths that they have.
+//! Small JSON files in the folder of a plan, and their paths.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! One cell: what has been kept of its points, and what its numbers are worth.
+//! One cell: the numbers kept of its points, and the values of its statistics.
 
 use super::plane::{Cells, Keep, Plane, like};
 

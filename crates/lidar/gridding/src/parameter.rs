@@ -1,4 +1,4 @@
-//! The parameters of statistics: what they are called, and the numbers that were given for them.
+//! Parameters of statistics: their names, defaults and given values.
 
 use terrane_base::error::{Error, Result};
 

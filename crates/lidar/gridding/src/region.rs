@@ -1,4 +1,4 @@
-//! Which points a cell takes, and the rules for statistics that do not say.
+//! The points that count for a cell, and the defaults of statistics.
 
 /// Which points a cell takes.
 #[derive(Clone, Copy, Debug, PartialEq)]

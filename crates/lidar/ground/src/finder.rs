@@ -1,4 +1,4 @@
-//! How a method finds the ground, and the squares of cells that it works in.
+//! The interface of methods that find ground, and the squares of cells that they work in.
 
 use super::asked;
 use super::lows::Lows;

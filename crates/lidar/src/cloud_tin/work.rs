@@ -1,4 +1,4 @@
-//! What every stage of the work on a mesh of a cloud is done with.
+//! The context of every stage of the work on a mesh of a cloud.
 
 use std::path::Path;
 

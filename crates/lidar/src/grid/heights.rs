@@ -1,4 +1,4 @@
-//! What bands are made of that are not statistics of the points of a cell.
+//! Sources of heights for bands that are not statistics: surfaces through the points, models of the terrain.
 
 use super::extent::Piece;
 use super::neighbours::Surfaces;

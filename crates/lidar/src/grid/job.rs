@@ -1,4 +1,4 @@
-//! A cloud-to-grid job, and what can be known to be wrong with it.
+//! A cloud-to-grid job, and its checks before any point is read.
 
 use std::path::{Path, PathBuf};
 

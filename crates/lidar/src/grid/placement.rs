@@ -1,4 +1,4 @@
-//! What is asked of the cells of a grid: their size, where they lie, and whose conventions they follow.
+//! Size, alignment and convention of the cells of a grid.
 
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;

@@ -1,4 +1,4 @@
-//! All points of a cloud in squares: read once, in memory or in a file, and handed out square by square.
+//! All points of a cloud in squares: read once, kept in memory or in a file, handed out square by square.
 
 use std::path::Path;
 use std::sync::Mutex;

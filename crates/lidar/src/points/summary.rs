@@ -1,4 +1,4 @@
-//! What is known of a square of points without reading it.
+//! Number, bounds and window of a square of points, known without reading it.
 
 use terrane_base::geom::Point;
 use terrane_delaunay::Window;

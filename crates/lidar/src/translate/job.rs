@@ -1,4 +1,4 @@
-//! A job on points: what is asked for, what it needs, and what can be known to be wrong with it.
+//! A points-to-points job, and its checks before any point is read.
 
 use std::path::{Path, PathBuf};
 

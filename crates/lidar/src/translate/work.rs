@@ -1,4 +1,4 @@
-//! A job on points whose input is open, and how it looks at records.
+//! A points-to-points job with its input open, and the order of its steps.
 
 use std::path::Path;
 

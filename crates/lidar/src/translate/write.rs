@@ -1,4 +1,4 @@
-//! Records into what a job writes: a file, text, an octree, or a folder of files.
+//! Output of records: a file, text, an octree (COPC), or a folder of files.
 
 use std::io::Write;
 use std::path::Path;

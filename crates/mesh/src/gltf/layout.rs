@@ -1,4 +1,4 @@
-//! How binary glTF is laid out: its chunks, the numbers of types and modes, and its axes.
+//! Layout of binary glTF: its chunks, codes of types and modes, and axes.
 
 use terrane_base::geom::Point3;
 

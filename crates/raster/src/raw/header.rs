@@ -1,4 +1,4 @@
-//! What the header of a raw grid says, of either kind, and values as headers write them.
+//! Headers of raw grids of either kind, and the values in them.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;

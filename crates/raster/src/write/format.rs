@@ -1,4 +1,4 @@
-//! What a format of grids that are written is: its name, what it holds, and the sink behind it.
+//! A grid format for writing: an entry of the registry; the sink behind it.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Memory that methods keep between calls, and lines that are too short for any of them.
+//! Memory that methods reuse between calls, and lines too short for any method.
 
 /// Memory that methods keep between calls, so that many short lines cost no allocation.
 #[derive(Clone, Debug, Default)]

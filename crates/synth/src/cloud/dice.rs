@@ -1,4 +1,4 @@
-//! Numbers by chance.
+//! Random numbers of a survey.
 
 use crate::hash::mix64;
 

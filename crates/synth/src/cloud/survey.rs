@@ -1,4 +1,4 @@
-//! A survey by its parameters, and what follows from them alone.
+//! A survey by its parameters, and the numbers that follow from them alone.
 
 use crate::hash::mix64;
 use crate::{CHARACTERS, Terrain};

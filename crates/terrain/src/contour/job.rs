@@ -1,4 +1,4 @@
-//! A contour job: its options, what can be known to be wrong with them, and its report.
+//! A contour job: its options, its checks before any sample is read, and its report.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Copying a grid, or what stands in front of it, into a file.
+//! Copying a grid, or a computation on a grid, into a file.
 
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! What a mesh of a grid has to reach.
+//! The goal of a mesh of a grid: a tolerance, or a number of vertices or triangles.
 
 use serde::{Deserialize, Serialize};
 

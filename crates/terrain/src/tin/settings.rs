@@ -1,4 +1,4 @@
-//! How the core of a job is run.
+//! Settings of the core of a job.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! A tile that is made: its vertices and triangles, and what was measured of it.
+//! A finished tile: its vertices, triangles and measured error.
 
 use crate::globe::{Upright, Vector};
 use crate::tiling::TileId;

@@ -1,4 +1,4 @@
-//! The hot loop: the sample of a triangle that is furthest from its plane; and what finished triangles measure.
+//! The hot loop: the sample of a triangle that is furthest from its plane; and the errors of finished triangles.
 //!
 //! Every kernel does the same arithmetic in the same order (see [`scalar`]), so all of them give
 //! the same bits; which one runs is chosen once, at run time.

@@ -1,4 +1,4 @@
-//! What the schema of FlatGeobuf numbers: kinds, and the slots of the tables' fields.
+//! Numbers of the FlatGeobuf schema: kinds of geometry, and slots of the fields of tables.
 
 use crate::geometry::Kind;
 

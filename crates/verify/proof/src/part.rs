@@ -1,4 +1,4 @@
-//! What is checked at a time: a rectangle of samples, with all that touches it.
+//! The unit of a proof: a rectangle of samples, with everything that touches it.
 
 use super::domain::Domain;
 use super::follow::Line;

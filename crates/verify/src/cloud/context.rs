@@ -1,4 +1,4 @@
-//! What every pass over a mesh and its cloud knows: both, and what the mesh is held to.
+//! The context of every pass over a mesh and its cloud.
 
 use crate::stated::is_delaunay;
 use crate::work::Work;

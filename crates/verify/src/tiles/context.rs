@@ -1,4 +1,4 @@
-//! What both passes over a set of tiles know: the set, the raster, and how far they may be apart.
+//! The context of both passes over a set of tiles: the set, the raster, and the allowed errors.
 
 use super::folder::{self, Tiles};
 use super::layer::Layer;

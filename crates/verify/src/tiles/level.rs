@@ -1,4 +1,4 @@
-//! What terrane says of a level of its own sets.
+//! Metadata of a level, as terrane writes it.
 
 use serde::Deserialize;
 

@@ -1,4 +1,4 @@
-//! What proves terrain tiles, by their options.
+//! Proofs of terrain tiles by their options.
 
 use super::options::{CloudTilesProof, TilesProof};
 use super::{TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};

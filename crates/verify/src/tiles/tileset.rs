@@ -1,4 +1,4 @@
-//! `tileset.json`: what a set of 3D Tiles says of itself; and the file of a set, which is that or `layer.json`.
+//! `tileset.json`, the metadata of a 3D Tiles set; and the metadata file of a set of either format.
 
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::{FRAC_PI_2, PI};

@@ -1,4 +1,4 @@
-//! Cells of the plane, and what points add to them.
+//! Cells of the plane, and the points added up in them.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -1,4 +1,4 @@
-//! What the nodes of well-known text mean, in any dialect.
+//! The meaning of the nodes of well-known text, in any dialect.
 
 use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
 use super::method::{Method, Role};

@@ -1,4 +1,4 @@
-//! What a statistic of the registry is, and one with its parameters.
+//! A statistic of the registry, and one with its parameters.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What the filter takes for ground.
+//! Parameters of the morphological filter.
 
 /// What is ground. Lengths are in one unit, the same for x, y and z.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! How a method finds noise: what it is given of the cloud, and what it tells.
+//! The interface of methods that find noise.
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;

@@ -1,4 +1,4 @@
-//! Where points lie, and how far apart they and the boxes around them are.
+//! Positions of points in space, and distances between them and the boxes around them.
 
 use terrane_base::geom::Point;
 

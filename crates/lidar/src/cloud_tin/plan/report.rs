@@ -1,4 +1,4 @@
-//! What is told of the plan of a mesh of a cloud, and of a run of it.
+//! Reports on the plan of a mesh of a cloud, and on a run of it.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! The models of the terrain, and which points are ground.
+//! The terrain models (DTM, DSM, CHM), and the sources of ground points.
 
 use std::fmt;
 use std::str::FromStr;

@@ -1,4 +1,4 @@
-//! What a model of the terrain is made with: the job, the memory for points, and how these are read.
+//! The context of a terrain model in the making: the job, the memory for points, the reading of these.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What is told of the points that a model is made of, and the errors of a cloud without them.
+//! Notes on the points of a terrain model, and errors for clouds without them.
 
 use super::squares::Squares;
 use terrane_base::error::Error;

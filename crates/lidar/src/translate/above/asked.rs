@@ -1,4 +1,4 @@
-//! What is asked of the ground under points, and which points may be ground.
+//! Queries for the ground under points, and the points that may be ground.
 
 use std::fmt;
 use std::str::FromStr;

@@ -1,4 +1,4 @@
-//! What is told of the plan of squares of points, of a run of it, and of what was written.
+//! Reports on the plan of squares of points, on a run of it, and on the written files.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Intervals of numbers, and the larger and the smaller of two.
+//! Intervals of numbers, and the larger and the smaller of two numbers.
 
 /// Leaves room for the rounding of a product or a quotient.
 pub(super) const SURELY: f64 = 1.0 - 1e-14;

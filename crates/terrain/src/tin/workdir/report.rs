@@ -1,4 +1,4 @@
-//! What is told of the plan of a mesh, and of a run of it.
+//! Reports on the plan of a mesh, and on a run of it.
 
 use serde::Serialize;
 

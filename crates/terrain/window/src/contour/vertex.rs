@@ -1,4 +1,4 @@
-//! Where lines cross the edges of the lattice of a grid.
+//! Crossings of contour lines with the edges of the lattice of a grid.
 
 /// An edge of the lattice of a grid: twice the linear index of its first sample, plus one where it
 /// goes down to the next row instead of along its own.

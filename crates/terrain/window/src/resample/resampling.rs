@@ -1,4 +1,4 @@
-//! What a way to find heights between samples is, and how coarse what is asked for is.
+//! A resampling method, and the ratio of the output cells to those of the input.
 
 use terrane_base::geom::Rect;
 use terrane_base::registry::Named;

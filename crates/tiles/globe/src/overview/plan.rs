@@ -1,4 +1,4 @@
-//! The first pass over a grid: what is to be looked at, and what was seen of parts of it.
+//! The first pass over a grid: the samples to read, and the results of its parts.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! What is checked at a time: a rectangle of the lattice, with all that touches it.
+//! The unit of a proof: a rectangle of the lattice, with everything that touches it.
 
 use super::bound::Bound;
 use super::follow::Track;

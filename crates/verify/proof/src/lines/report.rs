@@ -1,4 +1,4 @@
-//! What was found in lines: how often, and where first.
+//! Findings of a proof of lines: their number and the first place of each.
 
 use super::exact::Xy;
 

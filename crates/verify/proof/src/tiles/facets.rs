@@ -6,9 +6,9 @@
 //! a cosine and a sine with constant factors, and so is the height at which the normal meets the plane of the
 //! triangle. Both triangles of an edge compute the same number with other signs, so a walk does not go to and fro.
 //!
-//! Triangles with two corners in one place are lines or points, which no normal meets, and are left out: positions that
-//! were rounded may be the same. A pole is one place, too; it has all heights of vertices there, and the furthest of
-//! them counts.
+//! Degenerate triangles, with two corners in the same position, are met by no normal and are left out: positions that
+//! were rounded may coincide. So do those at a pole, which has all heights of vertices there; the furthest of them
+//! counts.
 //!
 //! A place that is rounded moves a sample up or down a slope. So of each sample it is told by how much it is surely off,
 //! and by how much it may be: that matters where walls are a thousand times as high as they are wide. Factors that are
@@ -95,30 +95,30 @@ impl Facets {
     pub fn new(tile: &Tile, positions: &[Vector]) -> Self {
         let origin = positions.first().copied().unwrap_or_default();
         let poles = poles(positions);
-        let is_one = |a: u32, b: u32| {
+        let coincide = |a: u32, b: u32| {
             let is_polar = |at: &Vec<u32>| at.contains(&a) && at.contains(&b);
             // Broken tiles have triangles that name one vertex twice: these stay.
             a != b && (positions[a as usize] == positions[b as usize] || poles.iter().any(is_polar))
         };
-        let mut lines = Lines::of(&tile.triangles, is_one);
-        if lines.0.iter().all(Option::is_some) {
-            lines.0.fill(None);
+        let mut collapsed = Collapsed::of(&tile.triangles, coincide);
+        if collapsed.0.iter().all(Option::is_some) {
+            // A tile without any area is still looked at, and is infinitely far from every sample.
+            collapsed.0.fill(None);
         }
-        let beside = beside(&tile.triangles);
+        let twins = twins(&tile.triangles);
         let mut facets: Vec<Facet> = Vec::new();
-        // The number of each triangle among those that are no lines.
-        let mut numbers = vec![NONE; lines.0.len()];
+        let mut numbers = vec![NONE; tile.triangles.len()];
         for (triangle, &corners) in tile.triangles.iter().enumerate() {
-            if lines.0[triangle].is_none() {
+            if collapsed.0[triangle].is_none() {
                 numbers[triangle] = facets.len() as u32;
                 facets.push(Facet::new(corners, positions, origin));
             }
         }
         for (triangle, &number) in numbers.iter().enumerate().filter(|(_, at)| **at != NONE) {
-            for side in 0..3 {
-                let other = lines.beyond(&beside, triangle, side);
-                facets[number as usize].beside[side] = other.map_or(NONE, |at| numbers[at]);
-            }
+            facets[number as usize].beside = std::array::from_fn(|side| {
+                let other = collapsed.beyond(&twins, triangle, side);
+                other.map_or(NONE, |other| numbers[other])
+            });
         }
         facets.iter_mut().for_each(Facet::open_borders);
         let heights = |at: &Vec<u32>| {
@@ -310,50 +310,49 @@ impl Facets {
     }
 }
 
-/// The triangle and its side beyond each side of each triangle.
-fn beside(triangles: &[[u32; 3]]) -> Vec<[Option<(usize, usize)>; 3]> {
-    let around = triangles.iter().enumerate().flat_map(|(number, &[a, b, c])| {
-        let side = |k: usize, from: u32, to: u32| ([from.min(to), from.max(to)], number, k);
-        [side(0, a, b), side(1, b, c), side(2, c, a)]
-    });
-    let mut all: Vec<_> = around.collect();
+/// Of each half-edge, three to a triangle, the one on the other side; [`NONE`] at borders, and where more than two meet.
+fn twins(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let corners = triangles.as_flattened();
+    let mut all: Vec<([u32; 2], u32)> = (0..corners.len())
+        .map(|edge| {
+            let next = if edge % 3 == 2 { edge - 2 } else { edge + 1 };
+            let [from, to] = [corners[edge], corners[next]];
+            ([from.min(to), from.max(to)], edge as u32)
+        })
+        .collect();
     all.sort_unstable();
-    let mut beside = vec![[None; 3]; triangles.len()];
+    let mut twins = vec![NONE; corners.len()];
     for same in all.chunk_by(|a, b| a.0 == b.0) {
-        if let [(_, one, at), (_, other, there)] = *same {
-            beside[one][at] = Some((other, there));
-            beside[other][there] = Some((one, at));
+        if let [(_, one), (_, other)] = *same {
+            (twins[one as usize], twins[other as usize]) = (other, one);
         }
     }
-    beside
+    twins
 }
 
-/// Triangles that no normal meets, as corners of them are one place: by triangle the sides that are no more than a point,
-/// where there are any. A triangle with one of these is a line, and those beside its other two sides are neighbours.
-struct Lines(Vec<Option<[bool; 3]>>);
+/// The collapsed sides of degenerate triangles; `None` for all other triangles.
+struct Collapsed(Vec<Option<[bool; 3]>>);
 
-impl Lines {
-    fn of(triangles: &[[u32; 3]], is_one: impl Fn(u32, u32) -> bool) -> Self {
-        let points = |&[a, b, c]: &[u32; 3]| {
-            let sides = [is_one(a, b), is_one(b, c), is_one(c, a)];
+impl Collapsed {
+    fn of(triangles: &[[u32; 3]], coincide: impl Fn(u32, u32) -> bool) -> Self {
+        let sides = |&[a, b, c]: &[u32; 3]| {
+            let sides = [coincide(a, b), coincide(b, c), coincide(c, a)];
             sides.contains(&true).then_some(sides)
         };
-        Self(triangles.iter().map(points).collect())
+        Self(triangles.iter().map(sides).collect())
     }
 
-    /// The first triangle beyond a side that is none of them.
-    fn beyond(
-        &self,
-        beside: &[[Option<(usize, usize)>; 3]],
-        triangle: usize,
-        side: usize,
-    ) -> Option<usize> {
-        let (mut now, mut from) = beside[triangle][side]?;
-        while let Some(points) = self.0[now] {
-            let through = (0..3).find(|&k| k != from && !points[k])?;
-            (now, from) = beside[now][through]?;
+    /// The first triangle with an area beyond a side: a triangle with one collapsed side is crossed from one of the other
+    /// two sides, which coincide, to the other.
+    fn beyond(&self, twins: &[u32], triangle: usize, side: usize) -> Option<usize> {
+        let mut edge = twins[3 * triangle + side];
+        while edge != NONE {
+            let (now, from) = (edge as usize / 3, edge as usize % 3);
+            let Some(sides) = self.0[now] else { return Some(now) };
+            let through = (0..3).find(|&k| k != from && !sides[k])?;
+            edge = twins[3 * now + through];
         }
-        Some(now)
+        None
     }
 }
 

@@ -1,4 +1,4 @@
-//! Surfaces with vertices in one place, and those without.
+//! Surfaces with coinciding vertices, and the same surfaces without.
 
 use proptest::prelude::*;
 
@@ -8,8 +8,8 @@ use super::*;
 /// Degrees between two vertices.
 const STEP: f64 = 1e-5;
 
-/// A lattice of vertices at these columns and rows, with a height for each place; two equal numbers in a row are vertices
-/// in one place.
+/// A lattice of vertices at these columns and rows, with a height for each place; equal numbers are coinciding
+/// vertices.
 fn lattice(columns: &[usize], rows: &[usize]) -> Facets {
     let height = |col: usize, row: usize| ((col * 37 + row * 91) % 29) as f64 * 0.1;
     let at = |n: usize| n as f64 * STEP;
@@ -36,9 +36,9 @@ fn repeated(times: &[usize]) -> Vec<usize> {
 }
 
 proptest! {
-    /// Triangles that are lines or points are as if they were not there.
+    /// Degenerate triangles change nothing.
     #[test]
-    fn vertices_in_one_place_leave_the_surface_as_it_is(
+    fn degenerate_triangles_change_nothing(
         columns in prop::collection::vec(1..4_usize, 2..7),
         rows in prop::collection::vec(1..4_usize, 2..7),
         places in prop::collection::vec((0.01..0.99_f64, 0.01..0.99_f64), 1..20),
@@ -62,7 +62,7 @@ proptest! {
     }
 }
 
-/// A tile of nothing but points is looked at, and is infinitely far from all samples.
+/// A tile of degenerate triangles alone is looked at, and is infinitely far from all samples.
 #[test]
 fn a_surface_without_area_is_far_from_everything() {
     let facets = lattice(&[0, 0], &[0, 0]);
