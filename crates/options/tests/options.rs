@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 use terrane_options::{
-    Choice, Codec, Kind, Options, Plain, Range, Rule, Shape, changed, check, fill, noted, settled,
-    to_map,
+    Choice, Codec, Kind, Options, Plain, Range, Rule, Shape, changed, check, check_given, fill,
+    noted, settled, to_map,
 };
 
 /// How the ground is looked at
@@ -66,6 +66,7 @@ struct Shade {
 
 const RULES: &[Rule] = &[
     Rule::NotWith("azimuth", &["light=all-sides"]),
+    Rule::NotWith("altitude", &["light=all-sides"]),
     Rule::Needs("drop=false", &["azimuth", "co"]),
 ];
 
@@ -139,6 +140,14 @@ fn what_is_wrong_names_options_and_what_was_expected() {
         let told = filled(&given).unwrap_err().to_string();
         assert!(told.contains(words), "{given}: {told}");
     }
+}
+
+#[test]
+fn an_option_given_with_its_default_counts() {
+    let lit = Shade { light: Light::AllSides, ..Shade::default() };
+    check(&lit).unwrap();
+    let told = check_given(&lit, &["altitude"]).unwrap_err().to_string();
+    assert!(told.contains("‹altitude› cannot be used with ‹light=all-sides›"), "{told}");
 }
 
 #[test]
