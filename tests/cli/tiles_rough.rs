@@ -56,8 +56,20 @@ fn proved(place: &Place, options: &[&str]) -> Value {
 
 /// Systems with where a grid lies in each, and metres of their unit.
 fn system() -> impl Strategy<Value = (&'static str, [f64; 2], f64)> {
+    let degrees = |at| ("EPSG:4326", at, 111_000.0);
+    // A hair to a hundredth of a degree from where four tiles of a level meet.
+    let by_corners = (any::<u32>(), any::<u32>(), 1_i32..9, -6.0..6.0_f64, -6.0..6.0_f64);
     prop_oneof![
-        (-170.0..170.0_f64, -85.0..85.0_f64).prop_map(|(x, y)| ("EPSG:4326", [x, y], 111_000.0)),
+        (-170.0..170.0_f64, -85.0..85.0_f64).prop_map(move |(x, y)| degrees([x, y])),
+        by_corners.prop_map(move |(x, y, level, dx, dy)| {
+            let tile = 180.0 / 2_f64.powi(level);
+            let most = (80.0 / tile) as u32;
+            let beside = |number: u32, off: f64| {
+                let corner = f64::from(number % (2 * most + 1)) - f64::from(most);
+                corner * tile + off.signum() * 10_f64.powf(-2.0 - off.abs())
+            };
+            degrees([beside(x, dx), beside(y, dy)])
+        }),
         Just(("EPSG:3005", [885_092.0, 629_386.0], 1.0)),
         Just(("EPSG:32631", [499_000.3, 4_738_000.7], 1.0)),
         Just(("EPSG:3035", [4_321_000.0, 3_210_000.0], 1.0)),
@@ -133,6 +145,21 @@ fn steep_grounds_are_written_at_the_default_level() {
                 assert!(error <= allowed, "{level}");
             }
         }
+    }
+}
+
+/// Samples between a border, which is straight from vertex to vertex, and the parallel that it stands for; and beside a
+/// corner, from where another border is in the way of what is looked for across the tile.
+#[test]
+fn grounds_beside_borders_are_written_and_proved() {
+    let place = Place::new();
+    for (size, at, relief, share, seed) in [
+        ([1, 1], [-54.550_697_057_494_475, 22.501_881_473_697_836, 2.252e-6], 0.0, 0.05, 0),
+        ([4, 6], [-78.750_080_152_395, -67.49, 4.5045e-5], 5000.0, 0.05, 2_021_220_245),
+    ] {
+        let (system, voids) = ("EPSG:4326", 0.0);
+        Rough { size, system, at, relief, share, voids, seed }.write(&place);
+        proved(&place, &["--beyond", "level"]);
     }
 }
 

@@ -2,6 +2,7 @@
 //! depth and on the bytes of a part. Skipped elements must be well-formed, too: a document damaged anywhere may be damaged in the
 //! elements that are used.
 
+use std::borrow::Cow;
 use std::io::{self, BufRead, Read};
 
 use quick_xml::XmlVersion;
@@ -72,16 +73,24 @@ impl Tag {
         Ok(found)
     }
 
-    /// The attribute of that name.
+    /// The attribute of that name, as a text of its own.
     ///
     /// # Errors
     /// Those of [`attributes`](Self::attributes).
     pub fn attribute(&self, name: &str) -> Result<Option<String>> {
+        Ok(self.value(name)?.map(Cow::into_owned))
+    }
+
+    /// The value of the attribute of that name.
+    ///
+    /// # Errors
+    /// Those of [`attributes`](Self::attributes).
+    pub fn value(&self, name: &str) -> Result<Option<Cow<'_, str>>> {
         for attribute in self.0.attributes().with_checks(false) {
             let attribute = attribute.map_err(|e| not_xml(&e))?;
             if attribute.key.into_inner() == name {
                 let value = attribute.normalized_value(XmlVersion::Implicit1_0);
-                return Ok(Some(value.map_err(|e| not_xml(&e))?.into_owned()));
+                return value.map(Some).map_err(|e| not_xml(&e));
             }
         }
         Ok(None)
@@ -188,30 +197,74 @@ impl<R: BufRead> Xml<R> {
 
 /// Fails unless a start tag is a name and attributes with a space before each, quoted, and each there once.
 fn check_tag(start: &str) -> Result<()> {
-    let is_space = |c: char| matches!(c, ' ' | '\t' | '\r' | '\n');
-    let damaged = || not_xml(&"a tag is damaged");
-    let end = start.find(is_space).unwrap_or(start.len());
-    let (name, mut rest) = start.split_at(end);
-    let mut names = Vec::new();
-    let mut is_sound = is_name(name);
-    loop {
-        let next = rest.trim_start_matches(is_space);
-        if next.is_empty() || !is_sound {
-            break;
+    let end = start.bytes().position(is_space).unwrap_or(start.len());
+    let mut left = Attributes { text: start, at: end };
+    let mut is_sound = is_name(&start[..end]);
+    // Most tags have few attributes: their names are compared each with each.
+    let (mut few, mut count, mut more) = ([""; 8], 0, Vec::new());
+    while let Some(name) = left.next()? {
+        is_sound &= is_name(name) && !few[..few.len().min(count)].contains(&name);
+        match few.get_mut(count) {
+            Some(slot) => *slot = name,
+            None => more.push(name),
         }
-        let has_space = next.len() < rest.len();
-        let (name, value) = next.split_once('=').ok_or_else(damaged)?;
-        let value = value.trim_start_matches(is_space);
-        let quote = value.chars().next().filter(|c| matches!(c, '"' | '\'')).ok_or_else(damaged)?;
-        let (value, after) = value[1..].split_once(quote).ok_or_else(damaged)?;
-        let name = name.trim_end_matches(is_space);
-        is_sound = has_space && is_name(name) && !value.contains('<') && unescape(value).is_ok();
-        names.push(name);
-        rest = after;
+        count += 1;
     }
-    names.sort_unstable();
-    let is_once = names.windows(2).all(|pair| pair[0] != pair[1]);
-    if is_sound && is_once { Ok(()) } else { Err(damaged()) }
+    more.sort_unstable();
+    is_sound &= more.windows(2).all(|pair| pair[0] != pair[1]);
+    if is_sound { Ok(()) } else { Err(damaged_tag()) }
+}
+
+/// The attributes of a start tag, read one by one.
+struct Attributes<'a> {
+    text: &'a str,
+    at: usize,
+}
+
+impl<'a> Attributes<'a> {
+    fn skip_space(&mut self) {
+        let bytes = self.text.as_bytes();
+        while bytes.get(self.at).copied().is_some_and(is_space) {
+            self.at += 1;
+        }
+    }
+
+    /// The name of the next attribute, whose value is sound.
+    fn next(&mut self) -> Result<Option<&'a str>> {
+        let bytes = self.text.as_bytes();
+        let before = self.at;
+        self.skip_space();
+        let start = self.at;
+        if start == bytes.len() {
+            return Ok(None);
+        }
+        while bytes.get(self.at).is_some_and(|&c| c != b'=' && !is_space(c)) {
+            self.at += 1;
+        }
+        let name = &self.text[start..self.at];
+        self.skip_space();
+        self.at += usize::from(bytes.get(self.at) == Some(&b'='));
+        let has_equals = bytes.get(self.at - 1) == Some(&b'=');
+        self.skip_space();
+        let quote = bytes.get(self.at).copied().filter(|c| matches!(c, b'"' | b'\''));
+        let inside = quote.map(|quote| (quote, &bytes[self.at + 1..]));
+        let length = inside.and_then(|(quote, inside)| inside.iter().position(|&c| c == quote));
+        let length = length.filter(|_| has_equals && start > before).ok_or_else(damaged_tag)?;
+        let value = &self.text[self.at + 1..][..length];
+        self.at += length + 2;
+        match value.contains('<') || value.contains('&') && unescape(value).is_err() {
+            true => Err(damaged_tag()),
+            false => Ok(Some(name)),
+        }
+    }
+}
+
+fn is_space(c: u8) -> bool {
+    matches!(c, b' ' | b'\t' | b'\r' | b'\n')
+}
+
+fn damaged_tag() -> Error {
+    not_xml(&"a tag is damaged")
 }
 
 /// Whether a text may be a name: characters beyond ASCII count as letters.
@@ -223,6 +276,11 @@ fn is_name(name: &str) -> bool {
 
 /// Fails for characters that are not allowed in XML.
 fn check_text(text: &str) -> Result<()> {
+    // All bytes without a branch, which is many at a time; 0xef begins the two that are not control characters.
+    let is_odd = |c: u8| (c < b' ' && !matches!(c, b'\t' | b'\n' | b'\r')) | (c == 0xef);
+    if !text.bytes().fold(false, |odd, c| odd | is_odd(c)) {
+        return Ok(());
+    }
     let is_none = |c: char| {
         c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
     };

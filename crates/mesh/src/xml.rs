@@ -76,7 +76,7 @@ impl<'a> Xml<'a> {
 /// An attribute that is there, as a number of some kind.
 pub(super) fn number<T: std::str::FromStr>(tag: &Tag, name: &str) -> Result<T> {
     let text = tag
-        .attribute(name)?
+        .value(name)?
         .ok_or_else(|| Error::bad_input(format!("{} has no attribute {name}", tag.local_name())))?;
     parsed(text.trim())
 }

@@ -16,6 +16,9 @@ const FAR_NORTH: f64 = 80.0;
 /// Triangles that are looked at for a block, at most.
 const MOST_FACETS: usize = 24;
 
+/// Sine of the angle below which two meridians are one.
+const SAME_MERIDIAN: f64 = 1e-13;
+
 /// Metres from the axis of the earth within which a vertex is a pole.
 const POLAR: f64 = 1e-6;
 
@@ -229,19 +232,29 @@ impl Shell {
     }
 
     /// The largest vertical distance of any corner from the plane of any triangle that reaches below a block, and how
-    /// far up one of them goes along a step in any direction; `None` where there are many.
+    /// far up one of them goes along a step in any direction; `None` where there are many, or a corner is beyond the
+    /// border: parallels bend, and the sides of triangles on them do not.
     fn furthest(&mut self, corners: &[Sample; 4], points: &[Vector; 4]) -> Option<(f64, f64)> {
         let frames = corners.each_ref().map(|corner| Frame::new(&corner.upright, corner.height));
-        let (first, _) = self.facet(&corners[0], &frames[0]);
+        let mut first = NONE;
+        for (corner, frame) in corners.iter().zip(&frames).rev() {
+            let (facet, seen) = self.facet(corner, frame);
+            let twins = self.facets[facet as usize].twins;
+            if seen.parts.iter().zip(twins).any(|(part, twin)| *part < 0.0 && twin == NONE) {
+                return None;
+            }
+            first = facet;
+        }
         let [east, north] = corners[0].upright.across();
         let flat = |point: Vector| [(point - points[0]).dot(east), (point - points[0]).dot(north)];
         let quad = points.map(flat);
         let (mut open, mut seen) = (vec![first], vec![first]);
         let (mut most, mut steep) = (0.0_f64, 1.0_f64);
-        while let Some(facet) = open.pop() {
-            let facet = &self.facets[facet as usize];
+        while let Some(number) = open.pop() {
+            let facet = &self.facets[number as usize];
             let Facet { corners: ends, twins, .. } = facet;
-            if !meets(ends.map(flat), &quad) {
+            // The first one has a corner in it, whatever is rounded.
+            if number != first && !meets(ends.map(flat), &quad) {
                 continue;
             }
             for [off, slope] in frames.iter().map(|frame| facet.seen_from(frame).plane()) {
@@ -289,10 +302,44 @@ impl Shell {
                     continue 'walk;
                 }
             }
-            break seen;
+            let mut out = (0..3).filter(|k| seen.parts[*k] < 0.0 && facet.twins[*k] == NONE);
+            match out.find_map(|k| self.along_border(now, k, sample)) {
+                Some(next) if steps < 64 + self.facets.len() => (now, steps) = (next, steps + 1),
+                _ => break seen,
+            }
         };
         self.last = now;
         (now, seen)
+    }
+
+    /// The next triangle along the border towards the meridian of a sample, which is beyond the side across from
+    /// `corner`: the sides of triangles are straight and parallels are not, so that a walk may meet the border far from
+    /// where the sample is. `None` where the meridian passes that side.
+    fn along_border(&self, facet: u32, corner: usize, sample: &Sample) -> Option<u32> {
+        let [a, b] = [1, 2].map(|k| self.facets[facet as usize].corners[(corner + k) % 3]);
+        let turn = |Vector([ax, ay, _]): Vector, Vector([bx, by, _]): Vector| ax * by - ay * bx;
+        let (east, here) = (turn(a, b), sample.upright.normal);
+        if east.abs() < SAME_MERIDIAN * (a.0[0].hypot(a.0[1]) * b.0[0].hypot(b.0[1])) {
+            return None;
+        }
+        // Of a corner: those that come after it, counter-clockwise, of the side at hand and of the next one.
+        let (pivot, [first, next]) = if turn(b, here) * east > 0.0 {
+            (b, [1, 2])
+        } else if turn(here, a) * east > 0.0 {
+            (a, [2, 1])
+        } else {
+            return None;
+        };
+        let (mut now, mut side) = (facet, (corner + first) % 3);
+        for _ in 0..self.facets.len() {
+            match self.facets[now as usize].twins[side] {
+                NONE => return (now != facet).then_some(now),
+                twin => now = twin,
+            }
+            let at = self.facets[now as usize].corners.iter().position(|at| *at == pivot)?;
+            side = (at + next) % 3;
+        }
+        None
     }
 
     /// A triangle near a sample.
@@ -357,16 +404,17 @@ fn meets(triangle: [[f64; 2]; 3], quad: &[[f64; 2]; 4]) -> bool {
         let all = points.iter().map(|point| point[axis]);
         all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
     };
+    // Part of the size, so that rounding and what the earth bends never part them.
+    let [width, height] = [0, 1].map(|axis| ends(quad, axis)).map(|[low, high]| high - low);
+    let slack = width.max(height) * SLACK;
     let apart = |axis: usize| {
         let ([a, b], [c, d]) = (ends(&triangle, axis), ends(quad, axis));
-        // Part of the size, so that rounding and what the earth bends never part them.
-        let slack = (d - c) * SLACK;
         b < c - slack || d < a - slack
     };
     let beside = |k: usize| {
         let ([ax, ay], [bx, by]) = (triangle[k], triangle[(k + 1) % 3]);
         let [ex, ey] = [bx - ax, by - ay];
-        let size = (ex * ex + ey * ey).sqrt() * (ends(quad, 0)[1] - ends(quad, 0)[0]).abs() * SLACK;
+        let size = (ex * ex + ey * ey).sqrt() * slack;
         quad.iter().all(|[x, y]| ex * (y - ay) - ey * (x - ax) < -size)
     };
     !(apart(0) || apart(1) || (0..3).any(beside))
@@ -374,3 +422,115 @@ fn meets(triangle: [[f64; 2]; 3], quad: &[[f64; 2]; 4]) -> bool {
 
 /// Part of a block's size by which triangles may be beside it and still count as meeting it.
 const SLACK: f64 = 0.05;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chart::Chart;
+    use crate::ground::{Ground as _, Means, Patch};
+    use crate::level::Relief;
+    use crate::surface::Builder;
+    use crate::tiling::Bounds;
+    use proptest::prelude::*;
+    use terrane_base::geom::{Affine, Rect};
+
+    /// A tile of a level, by part of all columns and rows.
+    fn tile(level: u8, at: (f64, f64)) -> TileId {
+        let across = f64::from(1_u32 << level);
+        TileId { level, x: (at.0 * across * 2.0) as u32, y: (at.1 * across) as u32 }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// A block on a plane, anywhere in a tile and more often beside its border than not.
+        #[test]
+        fn no_sample_of_a_block_is_further_off_than_the_block(
+            number in 0_u8..12, at in (0.0..1.0_f64, 0.0..1.0_f64), size in (1_u32..17, 1_u32..17),
+            place in (0.0..1.0_f64, 0.0..1.0_f64), ends in (-3..6_i32, -3..6_i32),
+            fine in prop::sample::select(vec![1e-6, 1e-4, 1e-3, 0.01, 0.03]),
+            plane in (-3000.0..3000.0_f64, -9.0..9.0_f64, -9.0..9.0_f64),
+        ) {
+            let id = tile(number, at);
+            let Bounds { west, south, east, north } = id.bounds();
+            let step = (east - west) * fine;
+            // Some samples from the border, or anywhere.
+            let begin = |[from, to]: [f64; 2], end: i32, place: f64, count: u32| match end {
+                -3..0 => from - f64::from(end + 1) * step * 3.0,
+                3.. => to - f64::from(count - 1) * step - f64::from(end - 3) * step * 3.0,
+                _ => from + (to - from - f64::from(count) * step) * place,
+            };
+            let west = begin([west, east], ends.0, place.0, size.0);
+            let south = begin([south, north], ends.1, place.1, size.1);
+            let top = south + f64::from(size.1 - 1) * step;
+            let map = Affine { x0: west, a: step, b: 0.0, y0: top, d: 0.0, e: -step };
+            let height = |col: u32, row: u32| {
+                plane.0 + f64::from(col) * plane.1 + f64::from(row) * plane.2
+            };
+            let all = (0..size.1).flat_map(|row| (0..size.0).map(move |col| height(col, row)));
+            let heights: Vec<f64> = all.collect();
+            let mut means = Means::new([size.0, size.1]);
+            (0..).zip(heights.chunks(size.0 as usize)).for_each(|(row, line)| means.add(0, row, line));
+            let (chart, fill) = (Chart::straight(map, [size.0, size.1]), means.fill().unwrap());
+            let patch = Patch::new(&heights, Rect::new(0, 0, size.0, size.1), &chart, &fill);
+            let relief = Relief { reach: 9000.0, range: 9000.0, ..Relief::default() };
+            let level = Level::new(number, step, &relief);
+            let builder = Builder::new(id, &level, &patch).unwrap();
+            let [right, down] = [size.0 - 1, size.1 - 1];
+            let corners = [[0, 0], [right, 0], [right, down], [0, down]].map(|[col, row]| {
+                chart.sample([col, row].map(f64::from), height(col, row))
+            });
+            let [mut whole, mut each] = [0; 2].map(|_| builder.shell());
+            if whole.add_block(&corners, [0.0; 2], size.0 * size.1, f64::INFINITY) {
+                patch.each(&id.bounds().grown(1e-9), 1, &mut |sample| each.add(sample, f64::INFINITY));
+                let [whole, each] = [whole, each].map(|shell| shell.end().0);
+                prop_assert!(each.largest <= whole.largest * (1.0 + 1e-9) + 1e-6, "{each:?} {whole:?}");
+                prop_assert_eq!(each.samples, whole.samples);
+            }
+        }
+
+        /// Parallels bend, so that a tile is not convex: a sample is as far off wherever the search begins.
+        #[test]
+        fn every_walk_ends_at_the_same_distance(
+            number in 0_u8..12, at in (0.0..1.0_f64, 0.0..1.0_f64),
+            vertices in prop::collection::vec((along(), along(), -4000.0..4000.0_f64), 0..12),
+            place in (along(), along()),
+        ) {
+            let id = tile(number, at);
+            let Bounds { west, south, east, north } = id.bounds();
+            let sample = |(x, y): (f64, f64), height: f64| {
+                Sample::new([west + (east - west) * x, south + (north - south) * y], height)
+            };
+            let map = Affine { x0: west, a: 1e-5, b: 0.0, y0: south, d: 0.0, e: -1e-5 };
+            let mut means = Means::new([1, 1]);
+            means.add(0, 0, &[500.0]);
+            let (chart, fill) = (Chart::straight(map, [1, 1]), means.fill().unwrap());
+            let patch = Patch::new(&[500.0], Rect::new(0, 0, 1, 1), &chart, &fill);
+            let level = Level::new(number, 1e-5, &Relief { reach: 9000.0, ..Relief::default() });
+            let mut builder = Builder::new(id, &level, &patch).unwrap();
+            let vertices = vertices.into_iter().map(|(x, y, height)| sample((x, y), height));
+            builder.insert(&vertices.collect::<Vec<_>>());
+            let (mut shell, sample) = (builder.shell(), sample(place, 500.0));
+            let frame = Frame::new(&sample.upright, sample.height);
+            // Those at a pole have no area, and no walk comes to them.
+            let all = (0..).zip(&shell.facets).filter(|(_, facet)| facet.across.length() > 1.0);
+            let all: Vec<u32> = all.map(|(number, _)| number).collect();
+            // Where triangles lie above each other, a walk ends at one of them.
+            prop_assume!(shell.facets.iter().filter(|facet| facet.is_met(&frame)).count() < 2);
+            let mut off = |from: u32| {
+                shell.last = from;
+                shell.facet(&sample, &frame).1.off(0.0)
+            };
+            let first = off(all[0]);
+            for from in all {
+                let other = off(from);
+                prop_assert!((first - other).abs() < 1e-3, "{from} {first} {other}");
+            }
+        }
+    }
+
+    /// Part of the side of a tile, often near an end.
+    fn along() -> impl Strategy<Value = f64> {
+        prop_oneof![0.001..0.999_f64, 0.0001..0.01, 0.99..0.9999]
+    }
+}

@@ -140,7 +140,7 @@ impl Source {
         mut properties: Option<&mut Properties>,
     ) -> Result<()> {
         let degrees = |name: &str| -> Result<f64> {
-            let value = tag.attribute(name)?.and_then(|text| number::whole(text.as_bytes()));
+            let value = tag.value(name)?.and_then(|text| number::whole(text.as_bytes()));
             let value = value.filter(|value| value.is_finite());
             value.ok_or_else(|| self.bad("a point has no lat or lon that is a number"))
         };

@@ -5,6 +5,8 @@
 //! normal passes is the sign of a determinant of the edge's ends and the normal; along a parallel that is a sum of
 //! a cosine and a sine with constant factors, and so is the height at which the normal meets the plane of the
 //! triangle. Both triangles of an edge compute the same number with other signs, so a walk does not go to and fro.
+//! Edges are straight and parallels are not: seen from a sample, a tile is not convex, and a walk may end at its border
+//! anywhere. It goes on along the border, to the triangle whose side the meridian of the sample passes.
 //!
 //! Degenerate triangles, with two corners in the same position, are met by no normal and are left out: positions that
 //! were rounded may coincide. So do those at a pole, which has all heights of vertices there; the furthest of them
@@ -33,6 +35,8 @@ pub const BYTES_PER_VERTEX: usize =
 
 /// Metres that the distance of a normal from a side is rounded by, counted from the centre of the earth.
 const ROUNDING: f64 = 32.0 * f64::EPSILON * A;
+/// Sine of the angle below which two meridians are one.
+const SAME_MERIDIAN: f64 = 1e-13;
 /// Cosine of the slope from which on a triangle is a wall.
 const WALL: f64 = 1.0 / 16.0;
 /// The same from which on it may be turned over as seen from some sample.
@@ -49,7 +53,7 @@ struct Facet {
     plane: (Vector, f64),
     /// The triangles beside, by side.
     beside: [u32; 3],
-    /// Metres of each side; of walls without end, and none where nothing is beyond.
+    /// Metres of each side; of walls without end, and less than any where nothing is beyond.
     lengths: [f64; 3],
     corners: [u32; 3],
 }
@@ -180,7 +184,7 @@ impl Facets {
             if height.is_nan() {
                 continue;
             }
-            if !row.has(at) {
+            if !self.is_here(now, &row, at) {
                 now = self.walk(now, parallel, at);
                 row = self.facets[now as usize].on(parallel);
             }
@@ -292,9 +296,10 @@ impl Facets {
             let row = facet.on(parallel);
             // Not the same side first every time: a walk could go round in circles.
             let sides = (0..3).map(|k| (step + k) % 3);
-            let mut out = sides.filter(|&k| row.side(k, at) < 0.0);
-            match out.next() {
-                Some(side) => now = facet.beside[side],
+            let mut out = sides.filter(|&k| !facet.is_border(k) && row.side(k, at) < 0.0);
+            let beside = out.next().map(|side| facet.beside[side]);
+            match beside.or_else(|| self.along_border(now, &row, at)) {
+                Some(next) => now = next,
                 None => return now,
             }
         }
@@ -303,10 +308,53 @@ impl Facets {
 
     /// The same by looking at every triangle.
     fn search(&self, parallel: &Parallel, at: Meridian) -> Option<u32> {
-        self.facets
-            .iter()
-            .position(|facet| facet.on(parallel).has(at))
-            .and_then(|found| u32::try_from(found).ok())
+        let mut all = 0..self.facets.len() as u32;
+        all.find(|&facet| self.is_here(facet, &self.facets[facet as usize].on(parallel), at))
+    }
+
+    /// Whether a normal on a parallel, whose factors for the triangle are given, meets it, or is nearest to it and
+    /// beyond the border.
+    fn is_here(&self, facet: u32, row: &Row, at: Meridian) -> bool {
+        self.facets[facet as usize].has(row, at) && self.along_border(facet, row, at).is_none()
+    }
+
+    /// The next triangle along the border towards a meridian, where a normal is beyond a side of the border that the
+    /// meridian does not pass.
+    fn along_border(&self, facet: u32, row: &Row, at: Meridian) -> Option<u32> {
+        let here = &self.facets[facet as usize];
+        let out = (0..3).filter(|&side| here.is_border(side) && row.side(side, at) < 0.0);
+        out.filter_map(|side| self.next_on_border(facet, side, at)).next()
+    }
+
+    /// The triangle of the border after this one or before it, on the side on which a meridian is; `None` where it passes
+    /// this side, which is not along a meridian itself.
+    fn next_on_border(&self, facet: u32, side: usize, at: Meridian) -> Option<u32> {
+        let corner = |facet: u32, k: usize| {
+            self.positions[self.facets[facet as usize].corners[k % 3] as usize]
+        };
+        let turn = |[ax, ay, _]: Vector, [bx, by, _]: Vector| ax * by - ay * bx;
+        let ([from, to], here) = ([0, 1].map(|k| corner(facet, side + k)), [at.cos, at.sin, 0.0]);
+        let east = turn(from, to);
+        if east.abs() < SAME_MERIDIAN * from[0].hypot(from[1]) * to[0].hypot(to[1]) {
+            return None;
+        }
+        let is_after = turn(to, here) * east > 0.0;
+        if !is_after && turn(here, from) * east <= 0.0 {
+            return None;
+        }
+        // Around the end of the side that is nearer, from one side that meets it to the next.
+        let (pivot, turn) = if is_after { (to, 1) } else { (from, 2) };
+        let (mut now, mut side) = (facet, (side + turn) % 3);
+        for _ in 0..self.facets.len() {
+            match self.facets[now as usize].beside[side] {
+                NONE => return (now != facet).then_some(now),
+                beside => now = beside,
+            }
+            let at = (0..3).find(|&k| corner(now, k) == pivot)?;
+            // The side that begins there, or the one that ends there.
+            side = if is_after { at } else { (at + 2) % 3 };
+        }
+        None
     }
 }
 
@@ -397,14 +445,22 @@ impl Facet {
         dot(normal, up) <= TURNED * length(up) * length(normal)
     }
 
-    /// Nothing is beyond a side without a triangle beside: every normal passes it on the inside.
+    /// Nothing is beyond a side without a triangle beside: no normal is too near to it.
     fn open_borders(&mut self) {
         for k in 0..3 {
-            if self.beside[k] == NONE {
-                (self.sides[k], self.flat[k]) = ([0.0; 3], [0.0; 2]);
-                self.lengths[k] = if self.lengths[k].is_finite() { 0.0 } else { f64::INFINITY };
+            if self.is_border(k) && self.lengths[k].is_finite() {
+                self.lengths[k] = f64::NEG_INFINITY;
             }
         }
+    }
+
+    fn is_border(&self, side: usize) -> bool {
+        self.beside[side] == NONE
+    }
+
+    /// Whether a normal on a parallel, whose factors are given, passes all sides on the inside that are no borders.
+    fn has(&self, row: &Row, at: Meridian) -> bool {
+        (0..3).all(|k| self.is_border(k) || row.side(k, at) >= 0.0)
     }
 
     /// Its factors on a parallel.
@@ -431,10 +487,6 @@ impl Row {
     fn side(&self, k: usize, at: Meridian) -> f64 {
         let [x, y, rest] = self.sides[k];
         x * at.cos + y * at.sin + rest
-    }
-
-    fn has(&self, at: Meridian) -> bool {
-        (0..3).all(|k| self.side(k, at) >= 0.0)
     }
 
     /// Whether the normal passes all sides on the inside by so many metres, and this is no wall.

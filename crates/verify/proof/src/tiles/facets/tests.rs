@@ -5,34 +5,30 @@ use proptest::prelude::*;
 use super::super::ellipsoid::position;
 use super::*;
 
-/// Degrees between two vertices.
-const STEP: f64 = 1e-5;
-
-/// A lattice of vertices at these columns and rows, with a height for each place; equal numbers are coinciding
-/// vertices.
-fn lattice(columns: &[usize], rows: &[usize]) -> Facets {
-    let height = |col: usize, row: usize| ((col * 37 + row * 91) % 29) as f64 * 0.1;
-    let at = |n: usize| n as f64 * STEP;
-    let place = |row: usize, col: usize| position(7.0 + at(col), 46.0 + at(row), height(col, row));
-    let placed = rows.iter().flat_map(|&row| columns.iter().map(move |&col| place(row, col)));
+/// A lattice of vertices at these longitudes and latitudes, with a height for each place; equal ones are coinciding
+/// vertices. The bits of `diagonals` are the ways the cells are divided.
+fn lattice(columns: &[f64], rows: &[f64], diagonals: u64) -> Facets {
+    let height = |lon: f64, lat: f64| (lon * 37e5 + lat * 91e5).rem_euclid(29.0) * 0.1;
+    let place = |lat: f64, lon: f64| position(lon, lat, height(lon, lat));
+    let placed = rows.iter().flat_map(|&lat| columns.iter().map(move |&lon| place(lat, lon)));
     let placed: Vec<_> = placed.collect();
     let width = columns.len() as u32;
     let cells = (1..rows.len() as u32).flat_map(|row| (1..width).map(move |col| row * width + col));
     let triangles = cells.flat_map(|d| {
         let [a, b, c] = [d - width - 1, d - width, d - 1];
-        [[a, b, d], [a, d, c]]
+        match diagonals >> (d % 64) & 1 {
+            0 => [[a, b, d], [a, d, c]],
+            _ => [[a, b, c], [b, d, c]],
+        }
     });
     let tile = Tile { triangles: triangles.collect(), placed: placed.clone(), ..Tile::default() };
     Facets::new(&tile, &placed)
 }
 
-/// The numbers up to the largest, each as often as told.
-fn repeated(times: &[usize]) -> Vec<usize> {
-    times
-        .iter()
-        .enumerate()
-        .flat_map(|(number, &times)| std::iter::repeat_n(number, times))
-        .collect()
+/// Places a hundred thousandth of a degree apart, each as often as told.
+fn repeated(from: f64, times: &[usize]) -> Vec<f64> {
+    let all = times.iter().enumerate();
+    all.flat_map(|(n, &times)| std::iter::repeat_n(from + n as f64 * 1e-5, times)).collect()
 }
 
 proptest! {
@@ -44,11 +40,13 @@ proptest! {
         places in prop::collection::vec((0.01..0.99_f64, 0.01..0.99_f64), 1..20),
         from in any::<u32>(),
     ) {
-        let once = |times: &[usize]| (0..times.len()).collect::<Vec<_>>();
-        let plain = lattice(&once(&columns), &once(&rows));
-        let doubled = lattice(&repeated(&columns), &repeated(&rows));
+        let of = |columns: &[usize], rows: &[usize]| {
+            lattice(&repeated(7.0, columns), &repeated(46.0, rows), 0)
+        };
+        let plain = of(&vec![1; columns.len()], &vec![1; rows.len()]);
+        let doubled = of(&columns, &rows);
         prop_assert_eq!(plain.facets.len(), doubled.facets.len());
-        let side = |count: usize| (count - 1) as f64 * STEP;
+        let side = |count: usize| (count - 1) as f64 * 1e-5;
         for (x, y) in places {
             let parallel = Parallel::at(46.0 + y * side(rows.len()));
             let meridians = [Meridian::at(7.0 + x * side(columns.len()))];
@@ -62,10 +60,51 @@ proptest! {
     }
 }
 
+/// So many sorted places, from the first to the last, many of them near one of these.
+fn uneven(from: f64, width: f64) -> impl Strategy<Value = Vec<f64>> {
+    let part = prop_oneof![0.0..1.0_f64, 0.0001..0.01_f64, 0.99..0.9999_f64];
+    prop::collection::vec(part, 1..6).prop_map(move |mut parts| {
+        parts.extend([0.0, 1.0]);
+        parts.sort_by(f64::total_cmp);
+        parts.into_iter().map(|part| from + part * width).collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// Distances do not depend on where the search begins: parallels bend, so that a tile is not convex.
+    #[test]
+    fn every_walk_ends_at_the_same_distance(
+        (south, columns, rows) in (-84.0..60.0_f64, 0.01..22.5_f64).prop_flat_map(|(south, width)| {
+            (Just(south), uneven(7.0, width), uneven(south, width))
+        }),
+        diagonals: u64,
+        place in (0.001..0.999_f64, prop_oneof![0.0..1.0_f64, 0.0..0.01, 0.99..1.0]),
+    ) {
+        let facets = lattice(&columns, &rows, diagonals);
+        let width = columns.last().unwrap() - 7.0;
+        let (parallel, at) =
+            (Parallel::at(south + place.1 * width), Meridian::at(7.0 + place.0 * width));
+        let distance = |mut from: u32| {
+            facets.row(&mut from, &parallel, &[at], &[1.0], [0.5, 0.0]).most.unwrap().0
+        };
+        // That by looking at every triangle, where one is met.
+        let frame = Frame::new(&parallel, at, 1.0);
+        let seen = facets.facets.iter().map(|facet| facets.seen_from(&frame, facet));
+        let met = seen.filter(|seen| is_met(*seen, 0.0).is_some()).map(|seen| plane(seen)[0].abs());
+        let expected = met.reduce(f64::max).unwrap_or_else(|| distance(0));
+        for from in 0..facets.facets.len() as u32 {
+            let found = distance(from);
+            prop_assert!((found - expected).abs() < 1e-3, "{} {} {}", from, found, expected);
+        }
+    }
+}
+
 /// A tile of degenerate triangles alone is looked at, and is infinitely far from all samples.
 #[test]
 fn a_surface_without_area_is_far_from_everything() {
-    let facets = lattice(&[0, 0], &[0, 0]);
+    let facets = lattice(&[7.0; 2], &[46.0; 2], 0);
     let (parallel, meridians) = (Parallel::at(46.0), [Meridian::at(7.0)]);
     let seen = facets.row(&mut 0, &parallel, &meridians, &[0.0], [0.5, 1e-6]);
     assert_eq!((seen.count, seen.over), (1, 1));
