@@ -7,7 +7,9 @@ use std::io::{self, BufRead, Read};
 
 use quick_xml::XmlVersion;
 use quick_xml::escape::unescape;
+use quick_xml::events::attributes::Attribute;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::name::QName;
 use quick_xml::reader::Reader;
 
 use terrane_base::error::{Error, Result};
@@ -62,12 +64,9 @@ impl Tag {
     /// References to unknown entities; too many attributes.
     pub fn attributes(&self) -> Result<Vec<(&str, String)>> {
         let mut found = Vec::new();
-        // Repeated names were looked for.
-        for attribute in self.0.attributes().with_checks(false) {
-            let attribute = attribute.map_err(|e| not_xml(&e))?;
-            let value = attribute.normalized_value(XmlVersion::Implicit1_0);
-            let value = value.map_err(|e| not_xml(&e))?.into_owned();
-            found.push((attribute.key.into_inner(), value));
+        let mut all = Pairs { bytes: self.0.as_bytes(), at: self.name().len() };
+        while let Some(pair) = all.next()? {
+            found.push((text(pair.name)?, pair.resolved()?.into_owned()));
             limits::check("attributes of an element", found.len() as u64, MAX_ATTRIBUTES)?;
         }
         Ok(found)
@@ -86,11 +85,10 @@ impl Tag {
     /// # Errors
     /// Those of [`attributes`](Self::attributes).
     pub fn value(&self, name: &str) -> Result<Option<Cow<'_, str>>> {
-        for attribute in self.0.attributes().with_checks(false) {
-            let attribute = attribute.map_err(|e| not_xml(&e))?;
-            if attribute.key.into_inner() == name {
-                let value = attribute.normalized_value(XmlVersion::Implicit1_0);
-                return value.map(Some).map_err(|e| not_xml(&e));
+        let mut all = Pairs { bytes: self.0.as_bytes(), at: self.name().len() };
+        while let Some(pair) = all.next()? {
+            if pair.name == name.as_bytes() {
+                return pair.resolved().map(Some);
             }
         }
         Ok(None)
@@ -103,7 +101,8 @@ impl<R: BufRead> Xml<R> {
         Self::within(from, 0)
     }
 
-    /// A document from byte `base` on, where an element begins.
+    /// A document that was read from its start before, from byte `base` on, where an element begins: what was found to be
+    /// well-formed is not looked at again.
     pub fn within(from: R, base: u64) -> Self {
         let mut reader = Reader::from_reader(Guard { inner: from, left: MAX_PART_BYTES });
         let config = reader.config_mut();
@@ -130,10 +129,14 @@ impl<R: BufRead> Xml<R> {
             self.buffer.clear();
             self.reader.get_mut().left = MAX_PART_BYTES;
             let event = self.reader.read_event_into(&mut self.buffer).map_err(|e| failed(&e))?;
-            check_text(&event)?;
+            if self.base == 0 {
+                check_text(&event)?;
+            }
             match event {
                 Event::Start(start) => {
-                    check_tag(&start)?;
+                    if self.base == 0 {
+                        check_tag(&start)?;
+                    }
                     self.depth += 1;
                     limits::check("depth of XML", self.depth, MAX_DEPTH)?;
                     return Ok(Part::Start(Tag(start.into_owned())));
@@ -197,13 +200,14 @@ impl<R: BufRead> Xml<R> {
 
 /// Fails unless a start tag is a name and attributes with a space before each, quoted, and each there once.
 fn check_tag(start: &str) -> Result<()> {
-    let end = start.bytes().position(is_space).unwrap_or(start.len());
-    let mut left = Attributes { text: start, at: end };
+    let end = start.bytes().position(|c| has(c, SPACE)).unwrap_or(start.len());
+    let mut all = Pairs { bytes: start.as_bytes(), at: end };
     let mut is_sound = is_name(&start[..end]);
     // Most tags have few attributes: their names are compared each with each.
-    let (mut few, mut count, mut more) = ([""; 8], 0, Vec::new());
-    while let Some(name) = left.next()? {
-        is_sound &= is_name(name) && !few[..few.len().min(count)].contains(&name);
+    let (mut few, mut count, mut more) = ([&[][..]; 8], 0, Vec::new());
+    while let Some(Pair { name, value, has_reference }) = all.next()? {
+        is_sound &= !few.iter().any(|other| other.first() == name.first() && *other == name);
+        is_sound &= !has_reference || text(value).is_ok_and(|value| unescape(value).is_ok());
         match few.get_mut(count) {
             Some(slot) => *slot = name,
             None => more.push(name),
@@ -215,63 +219,112 @@ fn check_tag(start: &str) -> Result<()> {
     if is_sound { Ok(()) } else { Err(damaged_tag()) }
 }
 
-/// The attributes of a start tag, read one by one.
-struct Attributes<'a> {
-    text: &'a str,
+/// An attribute, with its value as it is written.
+struct Pair<'a> {
+    name: &'a [u8],
+    value: &'a [u8],
+    has_reference: bool,
+}
+
+/// The attributes of a start tag, one by one.
+struct Pairs<'a> {
+    bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Attributes<'a> {
-    fn skip_space(&mut self) {
-        let bytes = self.text.as_bytes();
-        while bytes.get(self.at).copied().is_some_and(is_space) {
-            self.at += 1;
-        }
-    }
-
-    /// The name of the next attribute, whose value is sound.
-    fn next(&mut self) -> Result<Option<&'a str>> {
-        let bytes = self.text.as_bytes();
-        let before = self.at;
-        self.skip_space();
-        let start = self.at;
+impl<'a> Pairs<'a> {
+    #[inline]
+    fn next(&mut self) -> Result<Option<Pair<'a>>> {
+        let bytes = self.bytes;
+        let past = |kind: u8, mut at: usize| {
+            while at < bytes.len() && has(bytes[at], kind) {
+                at += 1;
+            }
+            at
+        };
+        let start = past(SPACE, self.at);
         if start == bytes.len() {
             return Ok(None);
         }
-        while bytes.get(self.at).is_some_and(|&c| c != b'=' && !is_space(c)) {
-            self.at += 1;
+        let end = past(NAME, start);
+        let equals = past(SPACE, end);
+        let quote = past(SPACE, equals + 1);
+        let is_begun = start > self.at && has(bytes[start], NAME_START);
+        let mark = match bytes.get(quote) {
+            Some(mark @ (b'"' | b'\'')) if is_begun && bytes[equals] == b'=' => *mark,
+            _ => return Err(damaged_tag()),
+        };
+        let mut at = past(IN_VALUE, quote + 1);
+        let mut has_reference = false;
+        while let Some(&c) = bytes.get(at).filter(|c| **c != mark && **c != b'<') {
+            has_reference |= c == b'&';
+            at = past(IN_VALUE, at + 1);
         }
-        let name = &self.text[start..self.at];
-        self.skip_space();
-        self.at += usize::from(bytes.get(self.at) == Some(&b'='));
-        let has_equals = bytes.get(self.at - 1) == Some(&b'=');
-        self.skip_space();
-        let quote = bytes.get(self.at).copied().filter(|c| matches!(c, b'"' | b'\''));
-        let inside = quote.map(|quote| (quote, &bytes[self.at + 1..]));
-        let length = inside.and_then(|(quote, inside)| inside.iter().position(|&c| c == quote));
-        let length = length.filter(|_| has_equals && start > before).ok_or_else(damaged_tag)?;
-        let value = &self.text[self.at + 1..][..length];
-        self.at += length + 2;
-        match value.contains('<') || value.contains('&') && unescape(value).is_err() {
-            true => Err(damaged_tag()),
-            false => Ok(Some(name)),
+        if bytes.get(at) != Some(&mark) {
+            return Err(damaged_tag());
         }
+        self.at = at + 1;
+        let (name, value) = (&bytes[start..end], &bytes[quote + 1..at]);
+        Ok(Some(Pair { name, value, has_reference }))
     }
 }
 
-fn is_space(c: u8) -> bool {
-    matches!(c, b' ' | b'\t' | b'\r' | b'\n')
+/// What a byte may be: white space, the first of a name, one of a name, one of a value that ends it in no case.
+const SPACE: u8 = 1;
+const NAME_START: u8 = 2;
+const NAME: u8 = 4;
+const IN_VALUE: u8 = 8;
+
+/// All that each byte may be. Characters beyond ASCII count as letters.
+static KINDS: [u8; 256] = {
+    let mut kinds = [0; 256];
+    let mut c = 0;
+    while c < 256 {
+        let byte = c as u8;
+        if matches!(byte, b' ' | b'\t' | b'\r' | b'\n') {
+            kinds[c] |= SPACE;
+        }
+        if byte.is_ascii_alphabetic() || matches!(byte, b'_' | b':' | 0x80..) {
+            kinds[c] |= NAME_START | NAME;
+        }
+        if byte.is_ascii_digit() || matches!(byte, b'-' | b'.') {
+            kinds[c] |= NAME;
+        }
+        if !matches!(byte, b'"' | b'\'' | b'<' | b'&') {
+            kinds[c] |= IN_VALUE;
+        }
+        c += 1;
+    }
+    kinds
+};
+
+fn has(c: u8, kind: u8) -> bool {
+    KINDS[usize::from(c)] & kind != 0
+}
+
+fn text(bytes: &[u8]) -> Result<&str> {
+    std::str::from_utf8(bytes).map_err(|e| not_xml(&e))
+}
+
+fn is_name(name: &str) -> bool {
+    name.bytes().next().is_some_and(|c| has(c, NAME_START)) && name.bytes().all(|c| has(c, NAME))
+}
+
+impl<'a> Pair<'a> {
+    /// The value as it is meant: references resolved, and a space for each space of another kind.
+    fn resolved(&self) -> Result<Cow<'a, str>> {
+        let value = text(self.value)?;
+        if !self.has_reference && !value.bytes().any(|c| c < b' ') {
+            return Ok(Cow::Borrowed(value));
+        }
+        let whole = Attribute { key: QName(""), value: Cow::Borrowed(value) };
+        let found = whole.normalized_value(XmlVersion::Implicit1_0).map_err(|e| not_xml(&e))?;
+        Ok(Cow::Owned(found.into_owned()))
+    }
 }
 
 fn damaged_tag() -> Error {
     not_xml(&"a tag is damaged")
-}
-
-/// Whether a text may be a name: characters beyond ASCII count as letters.
-fn is_name(name: &str) -> bool {
-    let is_letter = |c: u8| c.is_ascii_alphabetic() || matches!(c, b'_' | b':' | 0x80..);
-    name.bytes().next().is_some_and(is_letter)
-        && name.bytes().all(|c| is_letter(c) || c.is_ascii_digit() || matches!(c, b'-' | b'.'))
 }
 
 /// Fails for characters that are not allowed in XML.
