@@ -35,8 +35,6 @@ pub const BYTES_PER_VERTEX: usize =
 
 /// Metres that the distance of a normal from a side is rounded by, counted from the centre of the earth.
 const ROUNDING: f64 = 32.0 * f64::EPSILON * A;
-/// Sine of the angle below which two meridians are one.
-const SAME_MERIDIAN: f64 = 1e-13;
 /// Cosine of the slope from which on a triangle is a wall.
 const WALL: f64 = 1.0 / 16.0;
 /// The same from which on it may be turned over as seen from some sample.
@@ -89,7 +87,7 @@ struct Row {
     sides: [[f64; 3]; 3],
     lengths: [f64; 3],
     plane: [f64; 4],
-    radius: f64,
+    parallel: Parallel,
     /// Length of the normal of the plane.
     length: f64,
 }
@@ -318,28 +316,30 @@ impl Facets {
         self.facets[facet as usize].has(row, at) && self.along_border(facet, row, at).is_none()
     }
 
-    /// The next triangle along the border towards a meridian, where a normal is beyond a side of the border that the
-    /// meridian does not pass.
+    /// The next triangle along the border, where a normal is beyond a side of the border that it is not beside.
     fn along_border(&self, facet: u32, row: &Row, at: Meridian) -> Option<u32> {
         let here = &self.facets[facet as usize];
         let out = (0..3).filter(|&side| here.is_border(side) && row.side(side, at) < 0.0);
-        out.filter_map(|side| self.next_on_border(facet, side, at)).next()
+        let place = row.parallel.position(at, 0.0);
+        out.filter_map(|side| self.next_on_border(facet, side, place)).next()
     }
 
-    /// The triangle of the border after this one or before it, on the side on which a meridian is; `None` where it passes
-    /// this side, which is not along a meridian itself.
-    fn next_on_border(&self, facet: u32, side: usize, at: Meridian) -> Option<u32> {
+    /// The triangle of the border after this one or before it, on the side on which a place is; `None` where its meridian
+    /// passes this side, or its parallel does where the side is along a meridian.
+    fn next_on_border(&self, facet: u32, side: usize, place: Vector) -> Option<u32> {
         let corner = |facet: u32, k: usize| {
             self.positions[self.facets[facet as usize].corners[k % 3] as usize]
         };
-        let turn = |[ax, ay, _]: Vector, [bx, by, _]: Vector| ax * by - ay * bx;
-        let ([from, to], here) = ([0, 1].map(|k| corner(facet, side + k)), [at.cos, at.sin, 0.0]);
-        let east = turn(from, to);
-        if east.abs() < SAME_MERIDIAN * from[0].hypot(from[1]) * to[0].hypot(to[1]) {
-            return None;
-        }
-        let is_after = turn(to, here) * east > 0.0;
-        if !is_after && turn(here, from) * east <= 0.0 {
+        let turn = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| ax * by - ay * bx;
+        let [from, to] = [0, 1].map(|k| corner(facet, side + k));
+        let flat = [from, to, place].map(|[x, y, _]| [x, y]);
+        let upright = [from, to, place].map(|[x, y, z]| [x.hypot(y), z]);
+        // Metres to the east and to the north, about.
+        let east = turn(flat[0], flat[1]) / upright[0][0].max(upright[1][0]);
+        let north = turn(upright[0], upright[1]) / length(to);
+        let [a, b, at] = if east.abs() > north.abs() { flat } else { upright };
+        let is_after = turn(b, at) * turn(a, b) > 0.0;
+        if !is_after && turn(at, a) * turn(a, b) <= 0.0 {
             return None;
         }
         // Around the end of the side that is nearer, from one side that meets it to the next.
@@ -476,7 +476,7 @@ impl Facet {
             sides: [side(0), side(1), side(2)],
             lengths: self.lengths,
             plane: [cos * normal[0], cos * normal[1], sin * normal[2], rest],
-            radius,
+            parallel: *parallel,
             length: dot(normal, normal).sqrt(),
         }
     }
@@ -499,7 +499,7 @@ impl Row {
         let [x, y, z, rest] = self.plane;
         let across = x * at.cos + y * at.sin;
         let up = (across + z).recip();
-        [(rest - self.radius * across) * up, self.length * up.abs()]
+        [(rest - self.parallel.radius * across) * up, self.length * up.abs()]
     }
 }
 
