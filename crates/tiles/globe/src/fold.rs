@@ -1,5 +1,6 @@
-//! Triangles above each other: clients that decode earth-centred coordinates put vertices on a lattice, and where these
-//! are nearer to each other than its steps a triangle may be turned over. A sample there has several distances.
+//! Triangles above each other: a flat one may be turned over, as parallels bend and its sides do not; and clients that
+//! decode earth-centred coordinates put vertices on a lattice, whose steps may be larger than a triangle. A sample there
+//! has several distances.
 
 use crate::facet::Facet;
 use crate::globe::{EQUATOR, Frame, Upright};
@@ -41,8 +42,8 @@ impl Facet {
 }
 
 impl Folds {
-    /// Of triangles by number, with the positions of their corners, on a lattice of so many metres; `None` where none is
-    /// turned over.
+    /// Of triangles by number, with the positions of their corners, on a lattice of so many metres, 0 where there is none;
+    /// `None` where none is turned over.
     pub(crate) fn of(
         (id, lattice): (TileId, f64),
         facets: &[Facet],
@@ -53,16 +54,22 @@ impl Folds {
         let mut folds = Self { lists: vec![Vec::new(); squares * squares], squares };
         let bounds = id.bounds();
         let north = bounds.south.abs().max(bounds.north.abs()).to_radians();
-        let step = degrees(id.level).to_radians() * EQUATOR / f64::from(STEPS);
+        let angle = degrees(id.level).to_radians() / f64::from(STEPS);
+        let step = angle * EQUATOR;
         let beside = [step * north.cos().max(0.01), step].map(|step| 2.0 + 2.0 * lattice / step);
         for (number, at) in triangles {
-            let ends = |axis: usize| {
-                let all = at.map(|at| at[axis]);
-                let [low, high] = [all.iter().min(), all.iter().max()]
-                    .map(|end| f64::from(end.copied().unwrap_or_default()));
-                folds.square(low - beside[axis])..=folds.square(high + beside[axis])
+            let ends = [0, 1].map(|axis: usize| {
+                let all = at.map(|at| f64::from(at[axis]));
+                all.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| {
+                    [low.min(at), high.max(at)]
+                })
+            });
+            // Steps that a chord is from the parallel through its ends, at 45 degrees, are half of that.
+            let bend = (ends[0][1] - ends[0][0]).powi(2) * angle / 8.0;
+            let reach = |axis: usize, beside: f64| {
+                folds.square(ends[axis][0] - beside)..=folds.square(ends[axis][1] + beside)
             };
-            let (cols, rows) = (ends(0), ends(1));
+            let (cols, rows) = (reach(0, beside[0]), reach(1, beside[1] + bend));
             for row in rows {
                 cols.clone().for_each(|col| folds.lists[row * squares + col].push(number));
             }
