@@ -11,9 +11,9 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use terrane_base::error::{Error, ErrorKind, Result, all};
+use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Crs, Frame, Point};
-use terrane_files::{RawFile, Seek, path_of, shown};
+use terrane_files::{RawFile, Seek, on_threads, path_of, shown};
 
 use super::agree;
 use super::attributes::{self, Reader};
@@ -298,16 +298,6 @@ fn open_file(path: &Path, options: &OpenOptions) -> Result<File> {
         return Ok(File::Las(LasFile::open(path, options.salvage)?));
     }
     Ok(File::Text(TextFile::open(path, options.salvage)?))
-}
-
-/// Does `work` on so many threads; within a pool, on that one.
-fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    if rayon::current_thread_index().is_some() {
-        return work();
-    }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
-    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
-    pool.map_err(no_threads)?.install(work)
 }
 
 /// Files to a cloud.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{Scope, ScopedJoinHandle};
 
 use crate::Cancel;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_files::lock;
 
 /// Runs `work` on every unit below `units`, on `threads` threads, each with a state of its own
@@ -46,13 +46,6 @@ pub fn run<S>(
         }
     });
     lock(&error).take().map_or(Ok(()), Err)
-}
-
-/// Runs `work` on a pool of the job's threads.
-pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
-    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
-    Ok(pool.map_err(no_threads)?.install(work))
 }
 
 /// Starts a thread; `None` where the system has none left, or no memory for it.

@@ -21,7 +21,7 @@ pub use beside::{beside_grid, companions, prj};
 pub use held::{Held, Register, is_held, is_made, refuse_held};
 pub use list::Seek;
 pub use lock::{lock, unlocked, wait};
-pub use machine::{cores, physical_memory, proc_bytes};
+pub use machine::{cores, on_threads, physical_memory, proc_bytes};
 pub use name::{name_of, path_of, shown, shown_all};
 pub use out::Out;
 pub use position::{read_exact_at, write_all_at};

@@ -3,6 +3,8 @@
 use std::num::NonZero;
 use std::sync::OnceLock;
 
+use terrane_base::error::{Error, ErrorKind, Result};
+
 /// Cores that the process may use.
 pub fn cores() -> usize {
     static CORES: OnceLock<usize> = OnceLock::new();
@@ -21,4 +23,32 @@ pub fn proc_bytes(file: &str, key: &str) -> Option<u64> {
     let line = text.lines().find(|line| line.starts_with(key))?;
     let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib * 1024)
+}
+
+/// Does `work` on a pool of so many threads; within another pool, as for a mosaic in a mosaic, on that one.
+///
+/// # Errors
+/// Those of `work`; threads that cannot be started.
+pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    if rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
+    pool.map_err(no_threads)?.install(work)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_has_the_threads_it_was_given() {
+        for threads in [1, 3] {
+            let seen = on_threads(threads, || Ok(rayon::current_num_threads())).unwrap();
+            assert_eq!(seen, threads);
+        }
+        let within = || on_threads(7, || Ok(rayon::current_num_threads()));
+        assert_eq!(on_threads(2, within).unwrap(), 2);
+    }
 }

@@ -13,7 +13,7 @@ use crate::beside;
 use crate::format::{OpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource};
 use crate::mosaic::vrt;
-use crate::registry::{FORMATS, format_of, head_of, open_path};
+use crate::registry::{FORMATS, open_path};
 use crate::spool::cannot_unpack;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -61,7 +61,7 @@ fn open(
     if is_packed(&inner)? {
         return Err(Error::unsupported("is packed twice").in_file(path));
     }
-    if is_vrt(&inner)? {
+    if vrt::is_at(&inner)? {
         return Err(Error::unsupported("holds a VRT, which names files beside it")
             .in_file(path)
             .remedy("unpack it"));
@@ -116,11 +116,6 @@ impl GridSource for Unpacked {
 fn is_packed(path: &Path) -> Result<bool> {
     let head = RawFile::open(path)?.head(4)?;
     Ok((GZIP.sniff)(&head) || (ZIP.sniff)(&head))
-}
-
-fn is_vrt(path: &Path) -> Result<bool> {
-    let head = head_of(path)?;
-    Ok(format_of(path, &head).is_some_and(|format| format.name == vrt::FORMAT.name))
 }
 
 fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {

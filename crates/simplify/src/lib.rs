@@ -28,7 +28,6 @@ pub use job::{LineJob, SQUARE, Topology};
 pub use length::{Length, LengthText};
 pub use options::{LineOptions, LineSetters, Metric};
 pub use report::{HierarchyReport, LineReport};
-pub use terrane_engine::workers::on_threads;
 pub use tool::Measure;
 pub use whole::positions;
 

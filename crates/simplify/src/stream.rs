@@ -13,8 +13,8 @@ use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, beside_program, short};
-use terrane_engine::workers::on_threads;
 use terrane_engine::{Cancel, Progress};
+use terrane_files::on_threads;
 use terrane_vector::{Feature, FeatureSink, FeatureSource};
 
 /// Vertices of a batch, at least, unless memory is short.
@@ -52,7 +52,7 @@ pub(super) fn run(
             files::note(&mut report, sink.finish(&foreign)?, source.notes());
             Ok(())
         };
-        on_threads(job.resources.threads, copy)??;
+        on_threads(job.resources.threads, copy)?;
         progress.advance(pair.size());
     }
     report.stored(job, store)?;

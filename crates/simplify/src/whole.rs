@@ -29,8 +29,8 @@ use input::{Collected, Input, room};
 use rayon::prelude::*;
 use terrane_base::error::{Error, Result};
 use terrane_engine::memory::{PROGRAM, short};
-use terrane_engine::workers::on_threads;
 use terrane_engine::{Cancel, Progress};
+use terrane_files::on_threads;
 use terrane_vector::Feature;
 use trial::Whole;
 
@@ -53,7 +53,7 @@ pub(super) fn run(
         Some(wanted) => {
             on_threads(job.resources.threads, || {
                 split(files, &mut input.all, &plain, &mut store, &mut report, cancel)
-            })??;
+            })?;
             search::run(&whole, &mut input, wanted, &mut report)?;
         }
         None => {

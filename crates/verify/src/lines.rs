@@ -37,8 +37,9 @@ use terrane_engine::figures::Figures;
 use terrane_engine::memory::PROGRAM;
 use terrane_engine::proof::Verdict;
 use terrane_engine::{Cancel, Progress, Resources};
+use terrane_files::on_threads;
 use terrane_proof::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
-use terrane_simplify::{Measure, goal_of, on_threads, positions};
+use terrane_simplify::{Measure, goal_of, positions};
 use terrane_vector::{self as vector, OpenOptions};
 
 /// What was found.
@@ -130,7 +131,7 @@ pub fn verify_lines(
     let drops = if job.may_drop { Drops::Thin } else { Drops::None };
     let comparison = Comparison { distance, tolerance, drops };
     let proof = Proof { job, comparison, points, progress, cancel };
-    let (found, findings, format) = on_threads(job.resources.threads, || proof.run())??;
+    let (found, findings, format) = on_threads(job.resources.threads, || proof.run())?;
     let mut report = told(job, (measure, tolerance), (&found, &findings), format);
     judge_system(&crs, job, format, &mut report.verdict)?;
     Ok(LineVerifyReport { run: Figures::since(started, &job.resources), ..report })

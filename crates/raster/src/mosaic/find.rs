@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::format::OpenOptions;
 use crate::grid::{GridInfo, SampleType};
-use crate::registry::{file_name, format_of, head_of, open};
+use crate::registry::{file_name, open};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::{is_made, path_of};
@@ -126,20 +126,6 @@ impl File {
     }
 }
 
-/// Does `work` on a pool of `threads` threads; within another pool, as a mosaic in a mosaic is, on
-/// that one.
-pub(super) fn on_threads<T: Send>(
-    threads: usize,
-    work: impl FnOnce() -> Result<T> + Send,
-) -> Result<T> {
-    if rayon::current_thread_index().is_some() {
-        return work();
-    }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
-    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
-    pool.map_err(no_threads)?.install(work)
-}
-
 /// Opens the file or mosaic `name` to see what it is. A file stays open if there is room for it.
 pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<Found> {
     if is_vrt(name)? {
@@ -165,9 +151,7 @@ fn is_vrt(name: &str) -> Result<bool> {
     if is_made(name) || file_name(name) != name {
         return Ok(false);
     }
-    let path = path_of(name);
-    let head = head_of(&path)?;
-    Ok(format_of(&path, &head).is_some_and(|f| f.name == vrt::FORMAT.name))
+    vrt::is_at(&path_of(name))
 }
 
 /// Opens a file with its share of the memory, or with more where it cannot be read with that.
@@ -209,19 +193,4 @@ fn block_bytes(info: &GridInfo) -> u64 {
     let samples =
         blocks(info.width, info.block.0).saturating_mul(blocks(info.height, info.block.1));
     samples.saturating_mul(info.sample_type.bytes() as u64).saturating_mul(info.bands.max(1).into())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn work_has_the_threads_it_was_given() {
-        for threads in [1, 3] {
-            let seen = on_threads(threads, || Ok(rayon::current_num_threads())).unwrap();
-            assert_eq!(seen, threads);
-        }
-        let within = || on_threads(7, || Ok(rayon::current_num_threads()));
-        assert_eq!(on_threads(2, within).unwrap(), 2);
-    }
 }

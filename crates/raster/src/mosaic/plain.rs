@@ -9,10 +9,10 @@ use crate::notes::{MASK, NODATA_VALUES};
 use crate::store::sample::stored_nodata;
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Rect;
-use terrane_files::path_of;
+use terrane_files::{on_threads, path_of};
 
 use super::agree::{self, Named};
-use super::find::{Family, Found, Nest, Source, find, on_threads};
+use super::find::{Family, Found, Nest, Source, find};
 use super::layout::{Layout, Shape, lay_out};
 use super::recode::{Recode, is_same, void_range, wider};
 use super::{Mosaic, Part, members};

@@ -8,7 +8,7 @@ use crate::part::{self, Tally};
 use crate::report::LineReport;
 use crate::tool::Rule;
 use terrane_base::error::Result;
-use terrane_engine::workers::on_threads;
+use terrane_files::on_threads;
 use terrane_vector::{Feature, Geometry};
 
 impl Whole<'_> {
@@ -27,7 +27,7 @@ impl Whole<'_> {
                 .map(|(pair, file)| simplified(file, rule).map_err(|e| e.in_file(&pair.input)))
                 .collect();
             Ok(all?.concat())
-        })??;
+        })?;
         self.progress.end();
         let kept = made.iter().map(|(_, tally)| tally.kept).sum();
         let unwanted = self.unwanted(input, wanted, kept, &mut Made(made.iter()))?;

@@ -13,8 +13,7 @@ use crate::seek::{Profile, Target, seek};
 use crate::tool::Rule;
 use crate::trees;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::workers::on_threads;
-use terrane_files::lock;
+use terrane_files::{lock, on_threads};
 use terrane_line::topology::Collapse;
 use terrane_vector::{Feature, Part};
 
@@ -113,7 +112,7 @@ fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Pro
                 let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
                 added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
             })
-        })??,
+        })?,
         _ => input.visit_all(whole.cancel, |feature| add(feature, None))?,
     }
     let (profile, bounds) = state.into_inner().unwrap_or_default();

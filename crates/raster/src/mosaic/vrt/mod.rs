@@ -20,13 +20,13 @@ use rayon::prelude::*;
 use crate::format::{OpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::notes::{MASK, UNUSED_MASKS};
+use crate::registry::{format_of, head_of};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
-use terrane_files::RawFile;
-use terrane_files::path_of;
+use terrane_files::{RawFile, on_threads, path_of};
 
-use super::find::{Family, Nest, Source as Samples, find, on_threads};
+use super::find::{Family, Nest, Source as Samples, find};
 use super::recode::{self, Recode, holds, void_range};
 use super::{Mosaic, Part};
 use parse::{Source, Vrt};
@@ -50,6 +50,12 @@ fn is_vrt(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head);
     let text = text.trim_start_matches('\u{feff}').trim_start();
     text.starts_with("<VRTDataset") || (text.starts_with("<?xml") && text.contains("<VRTDataset"))
+}
+
+/// Whether a file is a VRT.
+pub(crate) fn is_at(path: &Path) -> Result<bool> {
+    let head = head_of(path)?;
+    Ok(format_of(path, &head).is_some_and(|format| format.name == FORMAT.name))
 }
 
 fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
