@@ -10,12 +10,16 @@ pub(crate) struct Facet {
     area: f64,
     /// Those across from each corner.
     pub(crate) twins: [u32; 3],
+    /// Whether the side across from each corner lies on a parallel.
+    pub(crate) on_parallel: [bool; 3],
 }
 
 impl Facet {
-    pub(crate) fn new(corners: [Vector; 3], twins: [u32; 3]) -> Self {
+    /// Of corners, their positions in the tile, and the triangles across from each.
+    pub(crate) fn new(corners: [Vector; 3], at: [[i32; 2]; 3], twins: [u32; 3]) -> Self {
         let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        Self { corners, across, area: across.length(), twins }
+        let on_parallel = [0, 1, 2].map(|k| at[(k + 1) % 3][1] == at[(k + 2) % 3][1]);
+        Self { corners, across, area: across.length(), twins, on_parallel }
     }
 
     /// As it is seen from a sample.

@@ -107,7 +107,8 @@ impl Shell {
             starts[square(v) * squares + square(u)] = number;
         }
         let facet = |(corners, twins): &([u32; 3], [u32; 3])| {
-            Facet::new(corners.map(|corner| points[corner as usize]), *twins)
+            let at = corners.map(|corner| vertices[corner as usize].at);
+            Facet::new(corners.map(|corner| points[corner as usize]), at, *twins)
         };
         let facets: Vec<Facet> = triangles.iter().map(facet).collect();
         let inner = (0..).zip(&triangles).zip(&is_flat).filter(|(_, is_flat)| !**is_flat);
@@ -300,7 +301,7 @@ impl Shell {
                 }
             }
             let mut out = (0..3).filter(|k| seen.parts[*k] < 0.0 && facet.twins[*k] == NONE);
-            match out.find_map(|k| self.along_border(now, k, sample)) {
+            match out.find_map(|k| self.along_border(now, k, (sample, frame))) {
                 Some(next) if steps < 64 + self.facets.len() => (now, steps) = (next, steps + 1),
                 _ => break seen,
             }
@@ -312,21 +313,27 @@ impl Shell {
     /// The next triangle along the border towards a sample, which is beyond the side across from `corner`: the sides of
     /// triangles are straight and parallels are not, so that a walk may meet the border far from where the sample is.
     /// `None` where its meridian passes that side, or its parallel does where that is a border along a meridian.
-    fn along_border(&self, facet: u32, corner: usize, sample: &Sample) -> Option<u32> {
-        let [a, b] = [1, 2].map(|k| self.facets[facet as usize].corners[(corner + k) % 3]);
-        let turn = |[a, b]: [f64; 2], [c, d]: [f64; 2]| a * d - b * c;
-        let ends = [a, b, sample.upright.point(sample.height)];
-        let meridians = ends.map(|Vector([x, y, _])| [x, y]);
-        let parallels = ends.map(|Vector([x, y, z])| [x.hypot(y), z]);
-        let [east, north] = [meridians, parallels].map(|[a, b, _]| turn(a, b));
-        let out = parallels[0][0].max(parallels[1][0]);
-        let is_parallel = east.abs() * b.length() > north.abs() * out;
-        let [from, to, here] = if is_parallel { meridians } else { parallels };
-        let along = turn(from, to);
+    fn along_border(
+        &self,
+        facet: u32,
+        corner: usize,
+        (sample, frame): (&Sample, &Frame),
+    ) -> Option<u32> {
+        let here = &self.facets[facet as usize];
+        let [a, b] = [1, 2].map(|k| here.corners[(corner + k) % 3]);
+        // Above zero where the sample is before the first end, and beyond the other one.
+        let [before, beyond] = if here.on_parallel[corner] {
+            let turn = |Vector([ax, ay, _]): Vector, Vector([bx, by, _]): Vector| ax * by - ay * bx;
+            let (east, normal) = (turn(a, b), sample.upright.normal);
+            [turn(normal, a) * east, turn(b, normal) * east]
+        } else {
+            let [from, to] = [a, b].map(|end| frame.look(end)[1]);
+            [from * (to - from), to * (from - to)]
+        };
         // Of a corner: those that come after it, counter-clockwise, of the side at hand and of the next one.
-        let (pivot, [first, next]) = if turn(to, here) * along > 0.0 {
+        let (pivot, [first, next]) = if beyond > 0.0 {
             (b, [1, 2])
-        } else if turn(here, from) * along > 0.0 {
+        } else if before > 0.0 {
             (a, [2, 1])
         } else {
             return None;

@@ -94,8 +94,18 @@ pub(super) fn length(a: Vector) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Height of a position, by nearing the foot of its normal: each round takes off some 150 times what is left.
-pub(super) fn height([x, y, z]: Vector) -> f64 {
+/// Height of a position.
+pub(super) fn height(position: Vector) -> f64 {
+    foot(position)[1]
+}
+
+/// Latitude of a position, in radians.
+pub(super) fn latitude(position: Vector) -> f64 {
+    foot(position)[0]
+}
+
+/// Latitude and height, by nearing the foot of the normal: each round takes off some 150 times what is left.
+fn foot([x, y, z]: Vector) -> [f64; 2] {
     let out = x.hypot(y);
     let mut latitude = z.atan2(out * (1.0 - E2));
     let mut height = 0.0;
@@ -105,7 +115,7 @@ pub(super) fn height([x, y, z]: Vector) -> f64 {
         height = out * cos + z * sin - A * A / radius;
         latitude = z.atan2(out * (1.0 - E2 * radius / (radius + height)));
     }
-    height
+    [latitude, height]
 }
 
 #[cfg(test)]

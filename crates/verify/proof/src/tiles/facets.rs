@@ -20,7 +20,9 @@
 //! of the triangles that a normal meets counts.
 
 use super::decode::Tile;
-use super::ellipsoid::{A, B, Meridian, Parallel, Vector, cross, dot, length, minus, plus};
+use super::ellipsoid::{
+    A, B, Meridian, Parallel, Vector, cross, dot, latitude, length, minus, plus,
+};
 use super::tiling::TileId;
 
 /// Metres from the axis, and cosine of a latitude, below which it is a pole: rounding.
@@ -51,6 +53,8 @@ struct Facet {
     plane: (Vector, f64),
     /// The triangles beside, by side.
     beside: [u32; 3],
+    /// Whether a side is more along a parallel than along a meridian.
+    on_parallel: [bool; 3],
     /// Metres of each side; of walls without end, and less than any where nothing is beyond.
     lengths: [f64; 3],
     corners: [u32; 3],
@@ -122,7 +126,7 @@ impl Facets {
                 other.map_or(NONE, |other| numbers[other])
             });
         }
-        facets.iter_mut().for_each(Facet::open_borders);
+        facets.iter_mut().for_each(|facet| facet.open_borders(positions));
         let heights = |at: &Vec<u32>| {
             let heights = at.iter().map(|&vertex| positions[vertex as usize][2].abs() - B);
             heights.map(|z| [z; 2]).reduce(|[low, high], [z, _]| [low.min(z), high.max(z)])
@@ -320,26 +324,33 @@ impl Facets {
     fn along_border(&self, facet: u32, row: &Row, at: Meridian) -> Option<u32> {
         let here = &self.facets[facet as usize];
         let out = (0..3).filter(|&side| here.is_border(side) && row.side(side, at) < 0.0);
-        let place = row.parallel.position(at, 0.0);
-        out.filter_map(|side| self.next_on_border(facet, side, place)).next()
+        out.filter_map(|side| self.next_on_border(facet, side, (&row.parallel, at))).next()
     }
 
     /// The triangle of the border after this one or before it, on the side on which a place is; `None` where its meridian
-    /// passes this side, or its parallel does where the side is along a meridian.
-    fn next_on_border(&self, facet: u32, side: usize, place: Vector) -> Option<u32> {
+    /// passes this side, or its parallel does where the side is more along a meridian.
+    fn next_on_border(
+        &self,
+        facet: u32,
+        side: usize,
+        (parallel, at): (&Parallel, Meridian),
+    ) -> Option<u32> {
         let corner = |facet: u32, k: usize| {
             self.positions[self.facets[facet as usize].corners[k % 3] as usize]
         };
-        let turn = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| ax * by - ay * bx;
         let [from, to] = [0, 1].map(|k| corner(facet, side + k));
-        let flat = [from, to, place].map(|[x, y, _]| [x, y]);
-        let upright = [from, to, place].map(|[x, y, z]| [x.hypot(y), z]);
-        // Metres to the east and to the north, about.
-        let east = turn(flat[0], flat[1]) / upright[0][0].max(upright[1][0]);
-        let north = turn(upright[0], upright[1]) / length(to);
-        let [a, b, at] = if east.abs() > north.abs() { flat } else { upright };
-        let is_after = turn(b, at) * turn(a, b) > 0.0;
-        if !is_after && turn(at, a) * turn(a, b) <= 0.0 {
+        let [before, after] = if self.facets[facet as usize].on_parallel[side] {
+            let turn = |[ax, ay, _]: Vector, [bx, by, _]: Vector| ax * by - ay * bx;
+            let normal = [at.cos, at.sin, 0.0];
+            [turn(normal, from), turn(to, normal)].map(|beyond| beyond * turn(from, to))
+        } else {
+            let place = parallel.position(at, 0.0);
+            let north = parallel.north(at);
+            let [from, to] = [from, to].map(|end| dot(north, minus(end, place)));
+            [from * (to - from), to * (from - to)]
+        };
+        let is_after = after > 0.0;
+        if !is_after && before <= 0.0 {
             return None;
         }
         // Around the end of the side that is nearer, from one side that meets it to the next.
@@ -431,6 +442,7 @@ impl Facet {
             flat: [flat(a, b), flat(b, c), flat(c, a)],
             plane: (normal, dot(normal, a) + dot(normal, origin)),
             beside: [NONE; 3],
+            on_parallel: [false; 3],
             lengths: [reach(a, b), reach(b, c), reach(c, a)],
             corners,
         }
@@ -446,11 +458,15 @@ impl Facet {
     }
 
     /// Nothing is beyond a side without a triangle beside: no normal is too near to it.
-    fn open_borders(&mut self) {
-        for k in 0..3 {
-            if self.is_border(k) && self.lengths[k].is_finite() {
-                self.lengths[k] = f64::NEG_INFINITY;
+    fn open_borders(&mut self, positions: &[Vector]) {
+        for side in (0..3).filter(|&side| self.beside[side] == NONE) {
+            if self.lengths[side].is_finite() {
+                self.lengths[side] = f64::NEG_INFINITY;
             }
+            let [a, b] = [0, 1].map(|k| positions[self.corners[(side + k) % 3] as usize]);
+            let [north, other] = [a, b].map(latitude);
+            let east = (a[0] * b[1] - a[1] * b[0]) / a[0].hypot(a[1]).max(b[0].hypot(b[1]));
+            self.on_parallel[side] = east.abs() > (north - other).abs() * A;
         }
     }
 
