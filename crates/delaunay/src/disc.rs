@@ -144,6 +144,7 @@ impl Disc {
 
     /// The part of a window that the disc touches, never too small; `None` when it certainly touches
     /// nothing.
+    #[inline]
     pub fn clip(&self, window: &Window) -> Option<Window> {
         let mut part = *window;
         // Twice, because a narrower window in y narrows that in x and the other way round.

@@ -29,6 +29,7 @@ impl Window {
     }
 
     /// The smallest window that covers both.
+    #[inline]
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self {
@@ -38,6 +39,7 @@ impl Window {
     }
 
     /// What lies in both, if anything does.
+    #[inline]
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Option<Self> {
         let low: Site = std::array::from_fn(|i| self.low[i].max(other.low[i]));
@@ -46,6 +48,7 @@ impl Window {
     }
 
     /// The window with `margin` (>= 0) more on each side, within [`REACH`].
+    #[inline]
     #[must_use]
     pub fn grown(&self, margin: i32) -> Self {
         Self {

@@ -115,12 +115,14 @@ impl Mesh {
     }
 
     /// The corners of a triangle; `None` for a ghost.
+    #[inline]
     pub fn corners(&self, triangle: u32) -> Option<[Point; 3]> {
         let Triangle { corners, .. } = self.triangles[triangle as usize];
         (!corners.contains(&GHOST)).then(|| corners.map(|v| self.points[v as usize]))
     }
 
     /// The ends of a ghost's hull edge; the outside is on its left.
+    #[inline]
     pub fn hull_edge(&self, triangle: u32) -> Option<[Point; 2]> {
         let Triangle { corners, .. } = self.triangles[triangle as usize];
         let i = corners.iter().position(|&v| v == GHOST)?;
