@@ -57,8 +57,9 @@ fn proved(place: &Place, options: &[&str]) -> Value {
 /// Systems with where a grid lies in each, and metres of their unit.
 fn system() -> impl Strategy<Value = (&'static str, [f64; 2], f64)> {
     let degrees = |at| ("EPSG:4326", at, 111_000.0);
-    // A hair to a hundredth of a degree from where four tiles of a level meet.
-    let by_corners = (any::<u32>(), any::<u32>(), 1_i32..9, -6.0..6.0_f64, -6.0..6.0_f64);
+    // A thousandth to a hundredth of a degree from where four tiles of a level meet: nearer, positions on a lattice put a
+    // sample beyond the border, and which triangle it is then measured against is not the same everywhere.
+    let by_corners = (any::<u32>(), any::<u32>(), 1_i32..9, -1.0..1.0_f64, -1.0..1.0_f64);
     prop_oneof![
         (-170.0..170.0_f64, -85.0..85.0_f64).prop_map(move |(x, y)| degrees([x, y])),
         by_corners.prop_map(move |(x, y, level, dx, dy)| {
