@@ -7,7 +7,7 @@ use std::io::{self, BufRead, Read};
 
 use quick_xml::XmlVersion;
 use quick_xml::escape::unescape;
-use quick_xml::events::attributes::Attribute;
+use quick_xml::events::attributes;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::name::QName;
 use quick_xml::reader::Reader;
@@ -64,15 +64,15 @@ impl Tag {
     /// References to unknown entities; too many attributes.
     pub fn attributes(&self) -> Result<Vec<(&str, String)>> {
         let mut found = Vec::new();
-        let mut all = Pairs { bytes: self.0.as_bytes(), at: self.name().len() };
-        while let Some(pair) = all.next()? {
-            found.push((text(pair.name)?, pair.resolved()?.into_owned()));
+        let mut all = Attributes { bytes: self.0.as_bytes(), at: self.name().len() };
+        while let Some(attribute) = all.next()? {
+            found.push((text(attribute.name)?, attribute.resolved()?.into_owned()));
             limits::check("attributes of an element", found.len() as u64, MAX_ATTRIBUTES)?;
         }
         Ok(found)
     }
 
-    /// The attribute of that name, as a text of its own.
+    /// The value of the attribute of that name, owned.
     ///
     /// # Errors
     /// Those of [`attributes`](Self::attributes).
@@ -80,15 +80,15 @@ impl Tag {
         Ok(self.value(name)?.map(Cow::into_owned))
     }
 
-    /// The value of the attribute of that name.
+    /// The value of the attribute of that name, borrowed where it holds no reference.
     ///
     /// # Errors
     /// Those of [`attributes`](Self::attributes).
     pub fn value(&self, name: &str) -> Result<Option<Cow<'_, str>>> {
-        let mut all = Pairs { bytes: self.0.as_bytes(), at: self.name().len() };
-        while let Some(pair) = all.next()? {
-            if pair.name == name.as_bytes() {
-                return pair.resolved().map(Some);
+        let mut all = Attributes { bytes: self.0.as_bytes(), at: self.name().len() };
+        while let Some(attribute) = all.next()? {
+            if attribute.name == name.as_bytes() {
+                return attribute.resolved().map(Some);
             }
         }
         Ok(None)
@@ -201,11 +201,11 @@ impl<R: BufRead> Xml<R> {
 /// Fails unless a start tag is a name and attributes with a space before each, quoted, and each there once.
 fn check_tag(start: &str) -> Result<()> {
     let end = start.bytes().position(|c| has(c, SPACE)).unwrap_or(start.len());
-    let mut all = Pairs { bytes: start.as_bytes(), at: end };
+    let mut all = Attributes { bytes: start.as_bytes(), at: end };
     let mut is_sound = is_name(&start[..end]);
     // Most tags have few attributes: their names are compared each with each.
     let (mut few, mut count, mut more) = ([&[][..]; 8], 0, Vec::new());
-    while let Some(Pair { name, value, has_reference }) = all.next()? {
+    while let Some(Attribute { name, value, has_reference }) = all.next()? {
         is_sound &= !few.iter().any(|other| other.first() == name.first() && *other == name);
         is_sound &= !has_reference || text(value).is_ok_and(|value| unescape(value).is_ok());
         match few.get_mut(count) {
@@ -220,21 +220,21 @@ fn check_tag(start: &str) -> Result<()> {
 }
 
 /// An attribute, with its value as it is written.
-struct Pair<'a> {
+struct Attribute<'a> {
     name: &'a [u8],
     value: &'a [u8],
     has_reference: bool,
 }
 
 /// The attributes of a start tag, one by one.
-struct Pairs<'a> {
+struct Attributes<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Pairs<'a> {
+impl<'a> Attributes<'a> {
     #[inline]
-    fn next(&mut self) -> Result<Option<Pair<'a>>> {
+    fn next(&mut self) -> Result<Option<Attribute<'a>>> {
         let bytes = self.bytes;
         let past = |kind: u8, mut at: usize| {
             while at < bytes.len() && has(bytes[at], kind) {
@@ -265,41 +265,42 @@ impl<'a> Pairs<'a> {
         }
         self.at = at + 1;
         let (name, value) = (&bytes[start..end], &bytes[quote + 1..at]);
-        Ok(Some(Pair { name, value, has_reference }))
+        Ok(Some(Attribute { name, value, has_reference }))
     }
 }
 
-/// What a byte may be: white space, the first of a name, one of a name, one of a value that ends it in no case.
+/// Classes of bytes: white space; the first byte of a name; any byte of a name; bytes of a value that never end it and need
+/// no second look.
 const SPACE: u8 = 1;
 const NAME_START: u8 = 2;
 const NAME: u8 = 4;
 const IN_VALUE: u8 = 8;
 
-/// All that each byte may be. Characters beyond ASCII count as letters.
-static KINDS: [u8; 256] = {
-    let mut kinds = [0; 256];
+/// The classes of each byte. Characters beyond ASCII count as letters.
+static CLASSES: [u8; 256] = {
+    let mut classes = [0; 256];
     let mut c = 0;
     while c < 256 {
         let byte = c as u8;
         if matches!(byte, b' ' | b'\t' | b'\r' | b'\n') {
-            kinds[c] |= SPACE;
+            classes[c] |= SPACE;
         }
         if byte.is_ascii_alphabetic() || matches!(byte, b'_' | b':' | 0x80..) {
-            kinds[c] |= NAME_START | NAME;
+            classes[c] |= NAME_START | NAME;
         }
         if byte.is_ascii_digit() || matches!(byte, b'-' | b'.') {
-            kinds[c] |= NAME;
+            classes[c] |= NAME;
         }
         if !matches!(byte, b'"' | b'\'' | b'<' | b'&') {
-            kinds[c] |= IN_VALUE;
+            classes[c] |= IN_VALUE;
         }
         c += 1;
     }
-    kinds
+    classes
 };
 
 fn has(c: u8, kind: u8) -> bool {
-    KINDS[usize::from(c)] & kind != 0
+    CLASSES[usize::from(c)] & kind != 0
 }
 
 fn text(bytes: &[u8]) -> Result<&str> {
@@ -310,14 +311,14 @@ fn is_name(name: &str) -> bool {
     name.bytes().next().is_some_and(|c| has(c, NAME_START)) && name.bytes().all(|c| has(c, NAME))
 }
 
-impl<'a> Pair<'a> {
+impl<'a> Attribute<'a> {
     /// The value as it is meant: references resolved, and a space for each space of another kind.
     fn resolved(&self) -> Result<Cow<'a, str>> {
         let value = text(self.value)?;
         if !self.has_reference && !value.bytes().any(|c| c < b' ') {
             return Ok(Cow::Borrowed(value));
         }
-        let whole = Attribute { key: QName(""), value: Cow::Borrowed(value) };
+        let whole = attributes::Attribute { key: QName(""), value: Cow::Borrowed(value) };
         let found = whole.normalized_value(XmlVersion::Implicit1_0).map_err(|e| not_xml(&e))?;
         Ok(Cow::Owned(found.into_owned()))
     }
