@@ -444,6 +444,8 @@ mod tests {
             "<b c/>",
             "<b c='1'd='2'/>",
             "<b c='1' c='2'/>",
+            "<b a='' b='' c='' d='' e='' f='' g='' h='' i='' a=''/>",
+            "<b a='' b='' c='' d='' e='' f='' g='' h='' i='' j='' i=''/>",
             "<b c='<'/>",
             "<b c='&'/>",
             "<b 1c='2'/>",
@@ -479,5 +481,30 @@ mod tests {
             assert!(skipped(&format!("{sound}{behind}")).is_err(), "{behind}");
         }
         assert!(skipped(too_late).is_err());
+    }
+
+    #[test]
+    fn values_are_resolved() {
+        let text = "<a b='1&lt;2&#x41;' cc=\"it's\" d='' e='\u{e9}' f = ' 6 ' g='7' h='8\n9' i='9' j='10'/>";
+        let Ok(Part::Start(tag)) = Xml::new(text.as_bytes()).next() else { panic!("a tag") };
+        let expected = [
+            ("b", "1<2A"),
+            ("cc", "it's"),
+            ("d", ""),
+            ("e", "\u{e9}"),
+            ("f", " 6 "),
+            ("g", "7"),
+            ("h", "8 9"),
+            ("i", "9"),
+            ("j", "10"),
+        ];
+        let found = tag.attributes().unwrap();
+        let found: Vec<(&str, &str)> =
+            found.iter().map(|(name, value)| (*name, &**value)).collect();
+        assert_eq!(found, expected);
+        for (name, value) in expected {
+            assert_eq!(tag.value(name).unwrap().as_deref(), Some(value));
+        }
+        assert_eq!(tag.value("c").unwrap(), None);
     }
 }
