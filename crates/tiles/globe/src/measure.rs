@@ -301,7 +301,7 @@ impl Shell {
                 }
             }
             let mut out = (0..3).filter(|k| seen.parts[*k] < 0.0 && facet.twins[*k] == NONE);
-            match out.find_map(|k| self.along_border(now, k, (sample, frame))) {
+            match out.find_map(|k| self.along_border(now, k, sample, frame)) {
                 Some(next) if steps < 64 + self.facets.len() => (now, steps) = (next, steps + 1),
                 _ => break seen,
             }
@@ -310,15 +310,37 @@ impl Shell {
         (now, seen)
     }
 
-    /// The next triangle along the border towards a sample, which is beyond the side across from `corner`: the sides of
-    /// triangles are straight and parallels are not, so that a walk may meet the border far from where the sample is.
-    /// `None` where its meridian passes that side, or its parallel does where that is a border along a meridian.
+    /// The triangle of the border beside which a sample is, where that is another one: the sample is beyond the side
+    /// across from `corner`. Sides are straight and parallels are not, so that a walk may meet the border far from where
+    /// the sample is. Of two triangles that meet at a vertex of the border, and that it is beyond, it stays at the one on
+    /// whose side it is.
     fn along_border(
         &self,
         facet: u32,
         corner: usize,
-        (sample, frame): (&Sample, &Frame),
+        sample: &Sample,
+        frame: &Frame,
     ) -> Option<u32> {
+        let next = |(facet, corner)| self.next_on_border(facet, corner, sample, frame);
+        let (mut now, mut is_next) = (next((facet, corner))?, true);
+        for _ in &self.facets {
+            let Some(further) = next(now) else { break };
+            (now, is_next) = (further, false);
+        }
+        let is_beyond = self.facets[now.0 as usize].seen_from(frame).parts[now.1] < 0.0;
+        let stays = is_next && is_beyond && !self.holds(now.0, frame);
+        (now.0 != facet && !stays).then_some(now.0)
+    }
+
+    /// The next triangle of the border, and its corner across from there, in the direction of a sample; `None` where its
+    /// meridian passes the side across from `corner`, or its parallel does where that side is on a meridian.
+    fn next_on_border(
+        &self,
+        facet: u32,
+        corner: usize,
+        sample: &Sample,
+        frame: &Frame,
+    ) -> Option<(u32, usize)> {
         let here = &self.facets[facet as usize];
         let [a, b] = [1, 2].map(|k| here.corners[(corner + k) % 3]);
         // Above zero where the sample is before the first end, and beyond the other one.
@@ -340,14 +362,26 @@ impl Shell {
         };
         let (mut now, mut side) = (facet, (corner + first) % 3);
         for _ in 0..self.facets.len() {
-            match self.facets[now as usize].twins[side] {
-                NONE => return (now != facet).then_some(now),
-                twin => now = twin,
+            let there = &self.facets[now as usize];
+            if there.twins[side] != NONE {
+                now = there.twins[side];
+                let corners = &self.facets[now as usize].corners;
+                side = (corners.iter().position(|at| *at == pivot)? + next) % 3;
+                continue;
             }
-            let at = self.facets[now as usize].corners.iter().position(|at| *at == pivot)?;
-            side = (at + next) % 3;
+            // Beyond a corner of the tile, the side on a parallel counts before that on a meridian.
+            let is_same = there.on_parallel[side] == here.on_parallel[corner];
+            let is_first = there.on_parallel[side] && self.holds(now, frame);
+            return (is_same || is_first).then_some((now, side));
         }
         None
+    }
+
+    /// Whether a sample is on the inner side of all sides of a triangle that are no borders.
+    fn holds(&self, facet: u32, frame: &Frame) -> bool {
+        let facet = &self.facets[facet as usize];
+        let mut parts = facet.seen_from(frame).parts.into_iter().zip(facet.twins);
+        parts.all(|(part, twin)| twin == NONE || part >= 0.0)
     }
 
     /// A triangle near a sample.

@@ -323,26 +323,46 @@ impl Facets {
         self.facets[facet as usize].has(row, at) && self.along_border(facet, row, at).is_none()
     }
 
-    /// The next triangle along the border, where a normal is beyond a side of the border that it is not beside.
+    /// Where a normal is beyond a side of the border that it is not beside: the triangle of the border beside which it is.
+    /// Of two that meet at a vertex of the border, and that it is beyond, it stays at the one on whose side it is.
     fn along_border(&self, facet: u32, row: &Row, at: Meridian) -> Option<u32> {
         let here = &self.facets[facet as usize];
-        let out = (0..3).filter(|&side| here.is_border(side) && row.side(side, at) < 0.0);
-        out.filter_map(|side| self.next_on_border(facet, side, (&row.parallel, at))).next()
+        let mut out = (0..3).filter(|&side| here.is_border(side) && row.side(side, at) < 0.0);
+        out.find_map(|side| {
+            let next = |(facet, side)| self.next_on_border(facet, side, &row.parallel, at);
+            let (mut now, mut is_next) = (next((facet, side))?, true);
+            // No more often than there are triangles: broken tiles may go round in circles.
+            for _ in &self.facets {
+                let Some(further) = next(now) else { break };
+                (now, is_next) = (further, false);
+            }
+            let there = self.facets[now.0 as usize].on(&row.parallel);
+            let stays =
+                is_next && there.side(now.1, at) < 0.0 && !self.holds(now.0, &row.parallel, at);
+            (now.0 != facet && !stays).then_some(now.0)
+        })
     }
 
-    /// The triangle of the border after this one or before it, on the side on which a place is; `None` where its meridian
-    /// passes this side, or its parallel does where the side is more along a meridian.
+    fn holds(&self, facet: u32, parallel: &Parallel, at: Meridian) -> bool {
+        let facet = &self.facets[facet as usize];
+        facet.has(&facet.on(parallel), at)
+    }
+
+    /// The triangle of the border after this one or before it, with its side there, in the direction of a place; `None`
+    /// where its meridian passes this side, or its parallel does where the side is more along a meridian.
     fn next_on_border(
         &self,
         facet: u32,
         side: usize,
-        (parallel, at): (&Parallel, Meridian),
-    ) -> Option<u32> {
+        parallel: &Parallel,
+        at: Meridian,
+    ) -> Option<(u32, usize)> {
         let corner = |facet: u32, k: usize| {
             self.positions[self.facets[facet as usize].corners[k % 3] as usize]
         };
+        let on_parallel = self.facets[facet as usize].on_parallel[side];
         let [from, to] = [0, 1].map(|k| corner(facet, side + k));
-        let [before, after] = if self.facets[facet as usize].on_parallel[side] {
+        let [before, after] = if on_parallel {
             let turn = |[ax, ay, _]: Vector, [bx, by, _]: Vector| ax * by - ay * bx;
             let normal = [at.cos, at.sin, 0.0];
             [turn(normal, from), turn(to, normal)].map(|beyond| beyond * turn(from, to))
@@ -360,13 +380,17 @@ impl Facets {
         let (pivot, turn) = if is_after { (to, 1) } else { (from, 2) };
         let (mut now, mut side) = (facet, (side + turn) % 3);
         for _ in 0..self.facets.len() {
-            match self.facets[now as usize].beside[side] {
-                NONE => return (now != facet).then_some(now),
-                beside => now = beside,
+            let there = &self.facets[now as usize];
+            if there.is_border(side) {
+                // Beyond a corner of the tile, the side on a parallel counts before that on a meridian.
+                let is_same = there.on_parallel[side] == on_parallel;
+                let is_first = there.on_parallel[side] && self.holds(now, parallel, at);
+                return (is_same || is_first).then_some((now, side));
             }
-            let at = (0..3).find(|&k| corner(now, k) == pivot)?;
+            now = there.beside[side];
+            let end = (0..3).find(|&k| corner(now, k) == pivot)?;
             // The side that begins there, or the one that ends there.
-            side = if is_after { at } else { (at + 2) % 3 };
+            side = if is_after { end } else { (end + 2) % 3 };
         }
         None
     }
