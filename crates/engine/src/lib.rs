@@ -13,6 +13,7 @@ pub mod globe;
 pub mod ground;
 mod held;
 pub mod input;
+pub mod json;
 pub mod kept;
 pub mod memory;
 pub mod on_cloud;

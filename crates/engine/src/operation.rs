@@ -20,7 +20,7 @@ use crate::outputs::not_among;
 pub use crate::plan::AnyOperation;
 use crate::plan::{Kind, RunJob, RunReport, StatusReport, Written};
 use crate::sift::Skipped;
-use crate::{Cancel, Progress, Resources, Silent};
+use crate::{Cancel, Progress, Resources, Silent, json};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;
 use terrane_files::path_of;
@@ -315,7 +315,7 @@ pub(crate) fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
     let options: O = filled(&call.given(), call.options)?;
     check_all(&options, call.request)?;
     let report = options.run(call.request)?;
-    serde_json::to_value(report)
+    json::to_value(&report)
         .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
 }
 

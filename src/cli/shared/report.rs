@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::cli::shared::{say, text};
 use terrane_base::error::{Error, Result};
 use terrane_engine::figures::Figures;
+use terrane_engine::json;
 use terrane_engine::sift::Skipped;
 use terrane_engine::transform::Transformed;
 use terrane_files::atomic::AtomicFile;
@@ -67,7 +68,7 @@ pub(crate) fn notes(notes: &[String]) -> impl Iterator<Item = Row> {
 
 /// All that a report says plainly, for people: a title of what it names first, and a table.
 pub(crate) fn plain(report: &impl Serialize) -> String {
-    let told = serde_json::to_value(report).unwrap_or_default();
+    let told = json::to_value(report).unwrap_or_default();
     let name = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
     let title = format!("{} -> {}", name("input"), name("output"));
     let mut rows = text::rows(&told);

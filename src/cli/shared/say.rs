@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::cli::shared::pipes::told;
 use terrane_base::door::Door;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_engine::json;
 
 /// Prints a result.
 pub(crate) fn result(text: &str) -> Result<()> {
@@ -28,14 +29,14 @@ pub(crate) fn json(value: &impl Serialize) -> Result<()> {
 
 /// Prints a result as JSON on a line of its own.
 pub(crate) fn json_line(value: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string(value).map_err(not_json)?;
+    let text = json::to_line(value).map_err(not_json)?;
     let text = Door::CommandLine.spell_report(&text);
     to_stdout((told(&text) + "\n").as_bytes())
 }
 
 /// A value as indented JSON with a line end.
 pub(crate) fn pretty(value: &impl Serialize) -> Result<String> {
-    let text = serde_json::to_string_pretty(value).map_err(not_json)?;
+    let text = json::to_lines(value).map_err(not_json)?;
     let text = Door::CommandLine.spell_report(&text);
     Ok((told(&text) + "\n").into_owned())
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::json;
 use terrane_base::error::{Error, Result};
 use terrane_files::{name_of, path_of};
 
@@ -21,7 +22,7 @@ pub fn refuse_another<T: Serialize>(what: &str, label: &str, there: &T, here: &T
 
 /// A thing in which each file is known by where it really is, links followed, as far as that can be told here.
 pub(super) fn by_place<T: Serialize>(thing: &T) -> Value {
-    let mut told = serde_json::to_value(thing).unwrap_or_default();
+    let mut told = json::to_value(thing).unwrap_or_default();
     resolve(&mut told);
     told
 }
@@ -44,7 +45,7 @@ fn resolve(value: &mut Value) {
 
 /// The first value in which two things differ, by its name in both.
 pub(super) fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {
-    let [there, here] = [there, here].map(|thing| serde_json::to_value(thing).unwrap_or_default());
+    let [there, here] = [there, here].map(|thing| json::to_value(thing).unwrap_or_default());
     first_difference("", &there, &here)
 }
 

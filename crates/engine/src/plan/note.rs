@@ -1,10 +1,11 @@
 //! Small JSON files in the folder of a plan, and their paths.
 
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::json;
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::folder_for;
@@ -18,8 +19,8 @@ pub(super) fn no_folder(path: &Path, error: io::Error) -> Error {
 /// Writes a small file as JSON.
 pub fn write_json<T: Serialize>(path: &Path, what: &T) -> Result<()> {
     let mut file = AtomicFile::create(path, true)?;
-    let written = serde_json::to_writer_pretty(&mut file, what).map_err(io::Error::from);
-    written.map_err(|e| Error::write(path, e))?;
+    let written = json::to_lines(what).map_err(io::Error::from);
+    written.and_then(|text| file.write_all(text.as_bytes())).map_err(|e| Error::write(path, e))?;
     file.commit().map(drop)
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::digest::{Digest, digest_of};
 use super::note::write_json;
-use crate::Cancel;
+use crate::{Cancel, json};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// The folder of objects.
@@ -75,7 +75,7 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
         let Some(meta) = meta else { return Ok(None) };
         let done: Self = serde_json::from_slice(&text).map_err(|_| damaged_object(&note))?;
         // The text itself, too: a name that is damaged reads as a value that is not there.
-        let is_own = serde_json::to_vec_pretty(&done).is_ok_and(|own| own == text);
+        let is_own = json::to_lines(&done).is_ok_and(|own| own.as_bytes() == text);
         if !is_own || done.key != place.key || done.clone().sealed() != done {
             return Err(damaged_object(&note));
         }
@@ -99,9 +99,10 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
     }
 
     fn sealed(self) -> Self {
-        let facts = serde_json::to_vec(&self.facts).unwrap_or_default();
+        let facts = json::to_line(&self.facts).unwrap_or_default();
         let bytes = self.bytes.to_le_bytes();
-        let seal = Digest::of_parts(&[self.key.bytes(), self.digest.bytes(), &bytes, &facts]);
+        let seal =
+            Digest::of_parts(&[self.key.bytes(), self.digest.bytes(), &bytes, facts.as_bytes()]);
         Self { seal, ..self }
     }
 }

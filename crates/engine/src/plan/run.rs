@@ -15,7 +15,7 @@ use super::sheet::{Kind, PLAN};
 use super::work::{At, Form, Made, Named, Order, Work};
 use crate::disk::DiskCheck;
 use crate::sift::Skipped;
-use crate::{Cancel, Progress, Resources, Silent, peak_memory};
+use crate::{Cancel, Progress, Resources, Silent, json, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
 
@@ -216,7 +216,7 @@ impl<'a, W: Work> Run<'a, W> {
             Some(path) => path.clone(),
             None => folder.path.join(folder.plan.work.output(&job.form)?),
         };
-        let form = serde_json::to_value(job.form).unwrap_or_default();
+        let form = json::to_value(&job.form).unwrap_or_default();
         let output = Output::new(&folder.path, folder.id, &path, form)?;
         let (note, overwrite) = match writes {
             true => output.claim(job.overwrite, at.cancel)?,

@@ -14,8 +14,8 @@ use super::note::no_folder;
 use super::object::OBJECTS;
 use super::report::{Forecast, Needs};
 use super::work::{Named, Work};
-use crate::REVISION;
 use crate::sift::Skipped;
+use crate::{REVISION, json};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::atomic::{AtomicFile, is_temporary, refuse_stdout};
@@ -184,13 +184,13 @@ impl<W: Work> Plan<W> {
     fn id(&self) -> Digest {
         let needs = Needs { seconds: [0.0; 2], ..self.needs.clone() };
         let request = Self { needs, label: String::new(), ..self.clone() };
-        Digest::of(&serde_json::to_vec(&request).unwrap_or_default())
+        Digest::of(json::to_line(&request).unwrap_or_default().as_bytes())
     }
 
     /// The text of its file.
-    fn to_text(&self) -> Result<Vec<u8>> {
+    fn to_text(&self) -> Result<String> {
         let sealed = Sealed { plan_id: self.id(), plan: self };
-        serde_json::to_vec_pretty(&sealed).map_err(|e| {
+        json::to_lines(&sealed).map_err(|e| {
             Error::new(ErrorKind::Internal, format!("cannot write down the plan: {e}"))
         })
     }
@@ -234,7 +234,8 @@ impl<W: Work> Plan<W> {
         }
         std::fs::create_dir_all(path.join(OBJECTS)).map_err(fail)?;
         let mut file = AtomicFile::create(&path.join(PLAN), false)?;
-        file.write_all(&self.to_text()?).map_err(|e| Error::write(&path.join(PLAN), e))?;
+        file.write_all(self.to_text()?.as_bytes())
+            .map_err(|e| Error::write(&path.join(PLAN), e))?;
         file.commit().map(drop)
     }
 
